@@ -1,0 +1,1 @@
+"""NC text: Verified trajectories to programs, and programs back to trajectories."""

@@ -1,0 +1,104 @@
+"""Every error, one family: the name is the fact, the evidence is in attributes, the text says what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+SHOWN_FAULTS = 20
+
+
+class TapelayerError(Exception):
+    """Something that was asked for cannot be done; the text is for the person who asked."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of a file: the line it stands on (1-based, 0 where no line applies) and a sentence without either."""
+
+    line: int
+    sentence: str
+    column: int = 0
+
+
+class InputRefused(TapelayerError):
+    """A file is refused, with all its faults at once (the first 20 are written out, then a count).
+
+    Args:
+        name: the file as the user named it.
+        faults: every fault found, in file order.
+    """
+
+    def __init__(self, name: str, faults: Sequence[Fault]) -> None:
+        self.name = name
+        self.faults = tuple(faults)
+        super().__init__(self._text())
+
+    def _text(self) -> str:
+        lines = []
+        for fault in self.faults[:SHOWN_FAULTS]:
+            place = self.name
+            if fault.line:
+                place += f":{fault.line}"
+            if fault.column:
+                place += f":{fault.column}"
+            lines.append(f"{place}: {fault.sentence}")
+        more = len(self.faults) - SHOWN_FAULTS
+        if more > 0:
+            lines.append(f"{self.name}: and {more} more fault{'s' if more > 1 else ''}")
+        return "\n".join(lines)
+
+
+class CourseFileRefused(InputRefused):
+    """A course file cannot be read."""
+
+
+class SetupRefused(InputRefused):
+    """A setup file cannot be used."""
+
+
+class ControllerRefused(InputRefused):
+    """A controller table cannot be used."""
+
+
+class ProgramRefused(InputRefused):
+    """An NC program cannot be read."""
+
+
+class MeshRefused(InputRefused):
+    """A mesh file cannot be used."""
+
+
+class ModelRefused(TapelayerError):
+    """A URDF cannot serve as the machine: a joint or frame is missing, of the wrong type, or out of place."""
+
+
+class AxisBeyondTravel(TapelayerError):
+    """A job needs an axis beyond its travel."""
+
+    def __init__(
+        self, where: str, axis: str, value: float, lower: float, upper: float, unit: str, advice: str = ""
+    ) -> None:
+        self.where, self.axis, self.value, self.lower, self.upper, self.unit = where, axis, value, lower, upper, unit
+        text = f"{where}: axis {axis} would be at {value:.3f} {unit}, outside its travel {lower:g} to {upper:g} {unit}"
+        super().__init__(text + (f"; {advice}" if advice else ""))
+
+
+class PoseUndefined(TapelayerError):
+    """A course point has no roller pose: tangent parallel to normal, or the roller axis would be vertical."""
+
+
+class VerificationFailed(TapelayerError):
+    """A finished program or trajectory failed verification; `evidence` holds every number and failure."""
+
+    exit_code = 1
+
+    def __init__(self, text: str, evidence: object) -> None:
+        self.evidence = evidence
+        super().__init__(text)
+
+
+class TargetNotWritable(TapelayerError):
+    """An output file cannot be written; whatever stood there before is untouched."""

@@ -1,0 +1,115 @@
+"""Trajectory: blocks of joint motion with their times and switching words; what a program says, before it is text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tapelayer.arrays import Floats, Ints, frozen
+
+
+class Kind(IntEnum):
+    """What a block does."""
+
+    RAPID = 0
+    LINEAR = 1
+    CLOCKWISE = 2
+    COUNTERCLOCKWISE = 3
+    DWELL = 4
+    SWITCH = 5
+
+
+class Event(IntEnum):
+    """What a switching block switches; a controller table gives each its word."""
+
+    NONE = 0
+    SHOE_DOWN = 1
+    SHOE_UP = 2
+    ROLLER_DOWN = 3
+    ROLLER_UP = 4
+    KNIFE_1_DOWN = 5
+    KNIFE_1_UP = 6
+    KNIFE_2_DOWN = 7
+    KNIFE_2_UP = 8
+    SUPPLY_MODE = 9
+    HEATER_ON = 10
+    HEATER_OFF = 11
+    STOP = 12
+    AIR_ON = 13
+    AIR_OFF = 14
+    ARC_ON = 15
+    ARC_OFF = 16
+
+
+MOTIONS = (Kind.RAPID, Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Blocks in execution order; row i is block i.
+
+    Attributes:
+        axes: joint names, the columns of `positions`.
+        start: (k,) joint values before the first block, in metres and radians; NaN where nothing has stated them yet.
+        positions: (n, k) joint values at each block's end, in metres and radians.
+        kinds: (n,) `Kind` of each block.
+        durations: (n,) seconds.
+        events: (n,) `Event` of each switching block, NONE elsewhere.
+        courses: (n,) index (from 0) of the course or pass that the block serves, -1 before the first.
+        stated: (n,) bit i is set where axis i is written even if it does not change.
+        centres: (n, 3) centre of each circular block in joint coordinates x, y, z (metres), NaN elsewhere.
+        planes: (n,) plane of each circular block: 0 XY, 1 ZX, 2 YZ.
+        lines: (n,) line of the program (from 1) that the block was read from, 0 where it was not read.
+    """
+
+    axes: tuple[str, ...]
+    start: Floats
+    positions: Floats
+    kinds: NDArray[np.uint8]
+    durations: Floats
+    events: NDArray[np.uint8]
+    courses: NDArray[np.int32]
+    stated: NDArray[np.uint16]
+    lines: NDArray[np.int32]
+    centres: Floats | None = None
+    planes: NDArray[np.uint8] | None = None
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays and check that the rows match."""
+        n, k = self.positions.shape
+        if len(self.axes) != k or self.start.shape != (k,):
+            raise ValueError(f"{len(self.axes)} axes do not fit positions of shape {self.positions.shape}")
+        for name in ("start", "positions", "kinds", "durations", "events", "courses", "stated", "lines"):
+            rows = getattr(self, name)
+            if name != "start" and len(rows) != n:
+                raise ValueError(f"{name} has {len(rows)} rows, positions {n}")
+            object.__setattr__(self, name, frozen(rows))
+
+    def __len__(self) -> int:
+        """Number of blocks."""
+        return len(self.kinds)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first block to the last."""
+        return float(np.sum(self.durations))
+
+    def column(self, axis: str) -> int:
+        """Column of an axis in `positions`."""
+        return self.axes.index(axis)
+
+    def begins(self, blocks: Ints) -> Floats:
+        """Joint values (m, k) at the beginning of the blocks with the (m,) indices, in metres and radians."""
+        values = self.positions[np.maximum(blocks - 1, 0)]
+        first = blocks == 0
+        if np.any(first):
+            values[first] = self.start
+        return values
+
+    def within(self, blocks: Ints, fractions: Floats) -> Floats:
+        """Joint values (m, k) at (m,) fractions (0 begin, 1 end) of the (m,) blocks, straight in joint space."""
+        begin = self.begins(blocks)
+        return begin + fractions[:, None] * (self.positions[blocks] - begin)
