@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 from tapelayer.arrays import Floats, frozen
 
@@ -35,6 +36,39 @@ class Toolpath:
     def length(self) -> float:
         """Arc length from the first sample to the last, in metres."""
         return float(self.arc_lengths[-1] - self.arc_lengths[0])
+
+
+def placed(
+    toolpath: Toolpath, rotation: tuple[float, float, float], origin: tuple[float, float, float], thickness: float
+) -> Toolpath:
+    """Toolpath in `machine` axes, lifted by the plies already laid.
+
+    Args:
+        toolpath: in the part's frame.
+        rotation: turns of the part about the fixed axes x, y, z in that order, radians.
+        origin: of the part's frame in `machine`, metres: (l1, l2, -l3) of the paper's 1.4.
+        thickness: every point moves to p + thickness n, and the arc length is measured again there, metres.
+    """
+    turn = Rotation.from_euler("xyz", rotation).as_matrix().T
+    points, arc_lengths = toolpath.points, toolpath.arc_lengths - toolpath.arc_lengths[0]
+    if thickness:
+        points = points + thickness * toolpath.normals
+        arc_lengths = _arc_lengths(arc_lengths, points)
+    if np.any(rotation):
+        points, normals = points @ turn, toolpath.normals @ turn
+    else:
+        normals = toolpath.normals
+    return Toolpath(toolpath.number, points + np.array(origin), normals, arc_lengths)
+
+
+def _arc_lengths(parameters: Floats, points: Floats) -> Floats:
+    """Arc length (n,) at the parameters (n,) of the not-a-knot spline through the points (n, 3), by 5-point Gauss."""
+    slope = CubicSpline(parameters, points, bc_type="not-a-knot").derivative()
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    half = np.diff(parameters) / 2
+    samples = parameters[:-1, None] + half[:, None] * (1 + nodes)
+    speeds = np.linalg.norm(slope(samples), axis=2)
+    return np.concatenate([[0.0], np.cumsum(half * (speeds @ weights))])
 
 
 class Curve:
