@@ -1,0 +1,209 @@
+"""urdf/tapelayer.urdf against the paper, against yourdfpy, and against the conventions of the tape."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pinocchio
+import pytest
+import yourdfpy
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tapelayer.arrays import Floats
+from urdf import TAPELAYER
+
+AXES = tuple("xyzcauvdqe")
+FRAMES = ("base_0", "roller", "contact", "knife_1", "knife_2", "tape")
+L4, L5, L6, RADIUS, KNIFE_PITCH = 0.35, 0.06, 0.45, 0.04, 0.1
+LIMITS = {
+    "x": (0.0, 2.5),
+    "y": (0.0, 2.0),
+    "z": (0.0, 0.8),
+    "c": (-np.pi / 6, np.pi / 6),
+    "a": (-np.pi, np.pi),
+    "u": (0.0, 2000.0),
+    "v": (-0.2, 0.2),
+    "d": (-np.pi * 4 / 9, np.pi * 4 / 9),
+    "q": (-0.2, 0.2),
+    "e": (-np.pi * 4 / 9, np.pi * 4 / 9),
+}
+MODEL = pinocchio.buildModelFromUrdf(str(TAPELAYER), mimic=True)
+DATA = MODEL.createData()
+YOURDF = yourdfpy.URDF.load(str(TAPELAYER), load_meshes=False)
+
+fraction = st.floats(0.0, 1.0)
+fractions = st.tuples(*[fraction] * len(AXES))
+angle = st.one_of(
+    st.sampled_from(np.radians([-180, -90, -45, -30, 0, 30, 45, 90, 180]).tolist()), st.floats(-np.pi, np.pi)
+)
+length = st.floats(0.0, 3.0)
+
+
+def pinocchio_pose(values: dict[str, float], frame: str) -> Floats:
+    q = np.zeros(MODEL.nq)
+    for name, value in values.items():
+        q[MODEL.idx_qs[MODEL.getJointId(name)]] = value
+    pinocchio.framesForwardKinematics(MODEL, DATA, q)
+    pose: Floats = DATA.oMf[MODEL.getFrameId(frame, pinocchio.FrameType.BODY)].homogeneous.copy()
+    return pose
+
+
+def modified_dh(link_length: float, alpha: float, offset: float, theta: float) -> Floats:
+    """Craig's matrix: the paper's eq. (1) with the sign of E1 mended."""
+    ct, sn, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
+    return np.array(
+        [
+            [ct, -sn, 0.0, link_length],
+            [sn * ca, ct * ca, -sa, -offset * sa],
+            [sn * sa, ct * sa, ca, offset * ca],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def chain(d1: float, d2: float, d3: float, theta4: float, theta5: float, fifth_length: float) -> Floats:
+    """Table 1 multiplied out, with the link length of row 5 given."""
+    right = np.pi / 2
+    pose = np.eye(4)
+    for row in (
+        (0.0, 0.0, d1, 0.0),
+        (0.0, right, d2, right),
+        (0.0, right, d3, 0.0),
+        (0.0, 0.0, L4, theta4),
+        (fifth_length, -right, L5, theta5),
+    ):
+        pose = pose @ modified_dh(*row)
+    last = np.eye(4)
+    last[1, 3] = -L6
+    return pose @ last
+
+
+def equation_3(d1: float, d2: float, d3: float, theta4: float, theta5: float) -> Floats:
+    return np.array(
+        [
+            np.cos(theta5) * L6 + L4 + d3,
+            -np.sin(theta4) * np.sin(theta5) * L6 - np.cos(theta4) * L5 - d2,
+            np.cos(theta4) * np.sin(theta5) * L6 - np.sin(theta4) * L5 + d1,
+        ]
+    )
+
+
+def contact_in_base(values: dict[str, float]) -> Floats:
+    return np.asarray(np.linalg.inv(pinocchio_pose(values, "base_0")) @ pinocchio_pose(values, "contact"))
+
+
+def test_the_axes_are_those_of_the_paper_with_the_travel_of_table_1() -> None:
+    assert sorted(MODEL.names[1:]) == sorted(AXES)
+    assert {joint.shortname() for joint in MODEL.joints[1:]} <= {
+        f"JointModel{kind}" for kind in ("PX", "PY", "RX", "RZ", "PrismaticUnaligned", "RevoluteUnaligned")
+    }
+    for name, (lower, upper) in LIMITS.items():
+        column = MODEL.idx_qs[MODEL.getJointId(name)]
+        assert MODEL.lowerPositionLimit[column] == pytest.approx(lower, abs=1e-15)
+        assert MODEL.upperPositionLimit[column] == pytest.approx(upper, abs=1e-15)
+        assert MODEL.velocityLimit[column] > 0
+
+
+def test_the_root_is_machine_and_every_frame_is_there() -> None:
+    assert YOURDF.base_link == "machine"
+    for frame in FRAMES:
+        assert MODEL.existFrame(frame, pinocchio.FrameType.BODY)
+    u = next(joint for joint in YOURDF.robot.joints if joint.name == "u")
+    assert u.child == "tape"
+
+
+@given(d1=length, d2=length, d3=length, theta4=angle, theta5=angle)
+def test_contact_in_base_0_is_equation_3(d1: float, d2: float, d3: float, theta4: float, theta5: float) -> None:
+    pose = contact_in_base({"x": d1, "y": d2, "z": d3, "c": theta4, "a": theta5})
+    np.testing.assert_allclose(pose[:3, 3], equation_3(d1, d2, d3, theta4, theta5), rtol=0, atol=1e-12)
+
+
+@given(d1=length, d2=length, d3=length, theta4=angle, theta5=angle)
+def test_the_mended_dh_chain_is_the_urdf(d1: float, d2: float, d3: float, theta4: float, theta5: float) -> None:
+    mended = chain(d1, d2, d3, theta4, theta5, fifth_length=0.0)
+    pose = contact_in_base({"x": d1, "y": d2, "z": d3, "c": theta4, "a": theta5})
+    # Frame 6 has y = head normal and z = minus the heading; `contact` has x = heading, z = head normal.
+    turned = np.array([[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(mended @ turned, pose, rtol=0, atol=1e-12)
+
+
+@given(theta4=angle, theta5=angle)
+def test_e2_the_printed_table_is_off_by_l6_along_the_course(theta4: float, theta5: float) -> None:
+    printed = chain(1.0, 0.5, 0.25, theta4, theta5, fifth_length=L6)[:3, 3]
+    surplus = np.array([0.0, -L6 * np.sin(theta4), L6 * np.cos(theta4)])
+    np.testing.assert_allclose(printed, equation_3(1.0, 0.5, 0.25, theta4, theta5) + surplus, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("alpha", [np.pi / 2, -np.pi / 2])
+def test_e1_equation_1_as_printed_is_no_rotation(alpha: float) -> None:
+    mended = modified_dh(0.1, alpha, 0.2, 0.3)
+    printed = mended.copy()
+    printed[1, 2] = np.sin(alpha)
+    assert np.linalg.det(printed[:3, :3]) == pytest.approx(-1.0, abs=1e-12)
+    assert np.linalg.det(mended[:3, :3]) == pytest.approx(1.0, abs=1e-12)
+
+
+@given(c=angle, a=angle)
+def test_contact_and_roller_carry_heading_left_and_head_normal(c: float, a: float) -> None:
+    contact = pinocchio_pose({"x": 1.0, "y": 0.5, "z": 0.2, "c": c, "a": a}, "contact")
+    roller = pinocchio_pose({"x": 1.0, "y": 0.5, "z": 0.2, "c": c, "a": a}, "roller")
+    heading = np.array([np.sin(c), np.cos(c), 0.0])
+    normal = np.array([-np.cos(c) * np.sin(a), np.sin(c) * np.sin(a), np.cos(a)])
+    axis = np.array([np.cos(c) * np.cos(a), -np.sin(c) * np.cos(a), np.sin(a)])
+    np.testing.assert_allclose(contact[:3, :3], np.stack([heading, -axis, normal], axis=1), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(roller[:3, :3], contact[:3, :3], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(roller[:3, 3] - contact[:3, 3], RADIUS * normal, rtol=0, atol=1e-12)
+
+
+@given(fractions)
+def test_pinocchio_and_yourdfpy_agree_on_every_frame(shares: tuple[float, ...]) -> None:
+    values = {
+        name: lower + share * (upper - lower)
+        for (name, (lower, upper)), share in zip(LIMITS.items(), shares, strict=True)
+    }
+    YOURDF.update_cfg({name: values[name] for name in YOURDF.actuated_joint_names})
+    # Double precision carries 1e-12 m only while the tape is short: beyond 10 m of feed the comparison is relative.
+    bound = 1e-12 * max(1.0, values["u"] / 10.0)
+    for frame in FRAMES:
+        np.testing.assert_allclose(
+            pinocchio_pose(values, frame),
+            YOURDF.get_transform(frame, "machine"),
+            rtol=0,
+            atol=bound if frame == "tape" else 1e-12,
+        )
+
+
+@given(u=st.floats(0.0, 10.0), across=st.floats(-0.2, 0.2), turn=st.floats(-1.3962634, 1.3962634), c=angle, a=angle)
+@pytest.mark.parametrize(("knife", "slide", "blade", "upstream"), [(1, "v", "d", 0.0), (2, "q", "e", KNIFE_PITCH)])
+def test_a_knife_in_the_tape_reads_station_and_offset(
+    knife: int, slide: str, blade: str, upstream: float, u: float, across: float, turn: float, c: float, a: float
+) -> None:
+    values = {"x": 0.4, "y": 1.1, "z": 0.3, "c": c, "a": a, "u": u, slide: across, blade: turn}
+    tape = pinocchio_pose(values, "tape")
+    seen = np.linalg.inv(tape) @ pinocchio_pose(values, f"knife_{knife}")
+    np.testing.assert_allclose(seen[:3, 3], [-(u + upstream), across, 0.0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(seen[:3, 1], [np.sin(turn), np.cos(turn), 0.0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(seen[:3, 2], [0.0, 0.0, 1.0], rtol=0, atol=1e-12)
+    left = pinocchio_pose(values, "contact")[:3, 1]
+    np.testing.assert_allclose(tape[:3, 1], left, rtol=0, atol=1e-12)
+
+
+def test_the_tape_comes_straight_down_onto_the_roller() -> None:
+    tape, roller, contact = (pinocchio_pose({}, frame) for frame in ("tape", "roller", "contact"))
+    seen = np.linalg.inv(tape) @ roller
+    # The tape's line is tangent to the roller on its mould side, and the path from knife 1 to the nip is 350 mm.
+    assert seen[2, 3] == pytest.approx(-RADIUS, abs=1e-12)
+    wrap = np.arccos(tape[:3, 0] @ -contact[:3, 0])
+    assert seen[0, 3] + RADIUS * wrap == pytest.approx(0.35, abs=1e-12)
+    assert tape[:3, 2] @ contact[:3, 2] < 0
+
+
+def test_every_link_with_a_shape_can_be_collided_with_and_uses_a_named_colour() -> None:
+    robot = ElementTree.parse(TAPELAYER).getroot()
+    colours = {material.attrib["name"] for material in robot.findall("material")}
+    for link in robot.findall("link"):
+        visuals = link.findall("visual")
+        assert bool(visuals) == bool(link.findall("collision"))
+        assert {visual.find("material").attrib["name"] for visual in visuals} <= colours  # type: ignore[union-attr]
