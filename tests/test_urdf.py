@@ -33,8 +33,8 @@ MODEL = pinocchio.buildModelFromUrdf(str(TAPELAYER), mimic=True)
 DATA = MODEL.createData()
 YOURDF = yourdfpy.URDF.load(str(TAPELAYER), load_meshes=False)
 
-fraction = st.floats(0.0, 1.0)
-fractions = st.tuples(*[fraction] * len(AXES))
+# Thousandths, because yourdfpy's scene graph drops a joint that stands closer than 1e-8 to its zero.
+fractions = st.tuples(*[st.integers(0, 1000).map(lambda share: share / 1000)] * len(AXES))
 angle = st.one_of(
     st.sampled_from(np.radians([-180, -90, -45, -30, 0, 30, 45, 90, 180]).tolist()), st.floats(-np.pi, np.pi)
 )
