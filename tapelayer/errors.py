@@ -75,6 +75,10 @@ class ModelRefused(TapelayerError):
     """A URDF cannot serve as the machine: a joint or frame is missing, of the wrong type, or out of place."""
 
 
+class ConfigurationRefused(TapelayerError):
+    """Axis values cannot be evaluated: the columns are not the machine's axes, or a value is not finite."""
+
+
 class AxisBeyondTravel(TapelayerError):
     """A job needs an axis beyond its travel."""
 
@@ -88,6 +92,43 @@ class AxisBeyondTravel(TapelayerError):
 
 class PoseUndefined(TapelayerError):
     """A course point has no roller pose: tangent parallel to normal, or the roller axis would be vertical."""
+
+
+class TapeWiderThanTravel(TapelayerError):
+    """The tape with the knives' clearance is wider than a slide travels."""
+
+
+class BladesMeet(TapelayerError):
+    """The blades are longer than the knives' pitch, so the knives cannot pass each other."""
+
+
+class CoursesRefused(TapelayerError):
+    """Courses that cannot be cut from the tape, each with a sentence (the first 20 are written out, then a count).
+
+    Args:
+        courses: the refused courses' numbers in their file.
+        sentences: what is wrong with each of them, naming the course.
+    """
+
+    def __init__(self, courses: Sequence[int], sentences: Sequence[str]) -> None:
+        self.courses = tuple(courses)
+        lines = list(sentences[:SHOWN_FAULTS])
+        more = len(sentences) - SHOWN_FAULTS
+        if more > 0:
+            lines.append(f"and {more} more course{'s' if more > 1 else ''}")
+        super().__init__("\n".join(lines))
+
+
+class CutAngleTooSmall(CoursesRefused):
+    """A cut lies flatter to the tape than the head may cut."""
+
+
+class CutsCross(CoursesRefused):
+    """A course's own two cut lines cross inside the tape."""
+
+
+class CourseLongerThanRoll(CoursesRefused):
+    """A course needs more tape than a new roll holds."""
 
 
 class VerificationFailed(TapelayerError):
