@@ -2,10 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 SHOWN_FAULTS = 20
+
+
+class Travel(Protocol):
+    """An axis with its travel in metres or radians, as the messages name it."""
+
+    @property
+    def name(self) -> str:
+        """Joint name."""
+
+    @property
+    def revolute(self) -> bool:
+        """Whether the values are angles."""
+
+    @property
+    def lower(self) -> float:
+        """Lower end of the travel."""
+
+    @property
+    def upper(self) -> float:
+        """Upper end of the travel."""
 
 
 class TapelayerError(Exception):
@@ -80,14 +102,29 @@ class ConfigurationRefused(TapelayerError):
 
 
 class AxisBeyondTravel(TapelayerError):
-    """A job needs an axis beyond its travel."""
+    """A job needs axes beyond their travel; the worst place of each axis is named.
 
-    def __init__(
-        self, where: str, axis: str, value: float, lower: float, upper: float, unit: str, advice: str = ""
-    ) -> None:
-        self.where, self.axis, self.value, self.lower, self.upper, self.unit = where, axis, value, lower, upper, unit
-        text = f"{where}: axis {axis} would be at {value:.3f} {unit}, outside its travel {lower:g} to {upper:g} {unit}"
-        super().__init__(text + (f"; {advice}" if advice else ""))
+    Args:
+        places: (course number, point from 1, axis, value in metres or radians) of each axis's worst place.
+        advice: what to do.
+    """
+
+    def __init__(self, places: Sequence[tuple[int, int, Travel, float]], advice: str) -> None:
+        self.places = tuple(places)
+        super().__init__("\n".join(self._sentence(*place) for place in places) + f"\n{advice}")
+
+    @staticmethod
+    def _sentence(course: int, point: int, axis: Travel, value: float) -> str:
+        scale, unit = (180.0 / math.pi, "deg") if axis.revolute else (1e3, "mm")
+        bound = axis.lower if value < axis.lower else axis.upper
+        return (
+            f"course {course} point {point}: axis {axis.name} would be at {value * scale:.3f} {unit}, beyond its bound "
+            f"{bound * scale:g} {unit} (travel {axis.lower * scale:g} to {axis.upper * scale:g})"
+        )
+
+
+class TapeRunsBack(TapelayerError):
+    """The tape would have to run back while the shoe presses it down."""
 
 
 class PoseUndefined(TapelayerError):
