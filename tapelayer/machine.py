@@ -1,0 +1,457 @@
+"""Machine: a URDF's axes with travel and speed, and forward kinematics of many poses at once."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio
+
+from tapelayer.arrays import Floats
+from tapelayer.errors import ConfigurationRefused, ModelRefused
+from urdf import TAPELAYER
+
+# One number for all rows, or (n,) one for each.
+Entry = float | Floats
+
+# Rows evaluated at a time: the columns of a chunk stay in the cache.
+CHUNK = 1 << 14
+
+# rpy angles such as pi/2 leave entries of a few 1e-16 where 0 or 1 is meant; folding needs the 0 or 1.
+_ROUNDING = 1e-15
+
+_MOVING = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One driven joint.
+
+    Attributes:
+        name: joint name.
+        revolute: True for radians, False for metres.
+        lower: lower end of travel, metres or radians; -inf for a continuous joint.
+        upper: upper end of travel, metres or radians; inf for a continuous joint.
+        speed: greatest speed, m/s or rad/s.
+    """
+
+    name: str
+    revolute: bool
+    lower: float
+    upper: float
+    speed: float
+
+
+class Columns(NamedTuple):
+    """Poses as separate entries, constants as floats; several entries may be one array, so do not write to them.
+
+    Attributes:
+        rotation: rows of the rotation matrix; its columns are the frame's x, y, z in root axes.
+        translation: origin of the frame in root axes, metres.
+    """
+
+    rotation: tuple[tuple[Entry, Entry, Entry], ...]
+    translation: tuple[Entry, ...]
+
+
+class _Joint(NamedTuple):
+    """A joint in its parent, as constants: R = still + cos(q) cosine + sin(q) sine, p = origin + q slide."""
+
+    parent: int
+    column: int
+    revolute: bool
+    scaling: float
+    offset: float
+    still: Floats
+    cosine: Floats
+    sine: Floats
+    origin: Floats
+    slide: Floats
+
+
+class _Frame(NamedTuple):
+    joint: int
+    placement: Columns
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """A machine read from a URDF.
+
+    Attributes:
+        path: the file.
+        axes: driven joints in the file's order: the columns of every q.
+        model: Pinocchio's model of the file, mimic joints kept.
+    """
+
+    path: Path
+    axes: tuple[Axis, ...]
+    model: pinocchio.Model
+    _joints: tuple[_Joint, ...]
+    _frames: Mapping[str, _Frame]
+
+    @staticmethod
+    def load(urdf: Path | None = None) -> Machine:
+        """Read a URDF (default: the built-in tape layer).
+
+        Raises:
+            ModelRefused: no readable URDF, a joint of a type that is not an axis, or an axis without travel or speed.
+        """
+        path = TAPELAYER if urdf is None else Path(urdf)
+        driven = _driven_joints(path)
+        model = _pinocchio_model(path)
+        axes = tuple(_axis(path, model, name, kind) for name, kind in driven.items())
+        column_of = {int(model.idx_qs[model.getJointId(axis.name)]): column for column, axis in enumerate(axes)}
+        return Machine(path, axes, model, _joints(path, model, column_of), _frames(model))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the axes in column order."""
+        return tuple(axis.name for axis in self.axes)
+
+    def axis(self, name: str) -> Axis:
+        """The axis of that name.
+
+        Raises:
+            ModelRefused: there is none.
+        """
+        return self.axes[self.column(name)]
+
+    def column(self, name: str) -> int:
+        """Column of an axis in q.
+
+        Raises:
+            ModelRefused: there is no such axis.
+        """
+        if name not in self.names:
+            raise ModelRefused(f"{self.path}: no axis {name!r}; the axes are {', '.join(self.names)}")
+        return self.names.index(name)
+
+    def with_limits(self, travel: Mapping[str, tuple[float, float]], speeds: Mapping[str, float]) -> Machine:
+        """The same machine with other travel (lower, upper; metres, radians) and speeds (m/s, rad/s) by axis name.
+
+        Raises:
+            ModelRefused: an axis the machine has not, travel that does not go upwards, or a speed that is not positive.
+        """
+        axes = list(self.axes)
+        for name, (lower, upper) in travel.items():
+            column = self.column(name)
+            axes[column] = replace(axes[column], lower=float(lower), upper=float(upper))
+        for name, speed in speeds.items():
+            column = self.column(name)
+            axes[column] = replace(axes[column], speed=float(speed))
+        for axis in axes:
+            _check_axis(self.path, axis)
+        return replace(self, axes=tuple(axes))
+
+    def forward(self, q: Floats, frame: str) -> Floats:
+        """Poses (n, 4, 4) of a frame in the root link's axes, translations in metres.
+
+        Args:
+            q: (n, k) axis values in metres and radians, columns as `axes`.
+            frame: name of a link, or of a fixed joint.
+
+        Raises:
+            ModelRefused: there is no such frame.
+            ConfigurationRefused: q has another shape, or a value that is not finite.
+        """
+        return self.forward_all(q, (frame,))[frame]
+
+    def forward_all(self, q: Floats, frames: Sequence[str]) -> dict[str, Floats]:
+        """Poses (n, 4, 4) of several frames by name, the chain walked once; arguments and errors as `forward`."""
+        values = self._checked(q)
+        ends = {name: self._frame(name) for name in frames}
+        poses = {name: np.zeros((len(values), 4, 4)) for name in ends}
+        for start in range(0, len(values), CHUNK):
+            rows = slice(start, start + CHUNK)
+            for name, columns in self._walk(values[rows], ends).items():
+                _fill(poses[name][rows], columns)
+        return poses
+
+    def columns(self, q: Floats, frame: str) -> Columns:
+        """Poses of a frame as separate entries, for callers that need few of them; q is best no longer than `CHUNK`.
+
+        Arguments and errors as `forward`.
+        """
+        return self._walk(self._checked(q), {frame: self._frame(frame)})[frame]
+
+    def forward_pinocchio(self, q: Floats, frame: str) -> Floats:
+        """Poses (n, 4, 4) as `forward`, each by Pinocchio itself: slow, and what `forward` is judged by."""
+        configurations = self.configurations(q)
+        self._frame(frame)
+        index = _frame_index(self.model, frame)
+        data = self.model.createData()
+        # oMf[index] is a live view: taken once, copied after each call.
+        live = data.oMf[index]
+        poses = np.empty((len(configurations), 4, 4))
+        for row, configuration in enumerate(configurations):
+            pinocchio.forwardKinematics(self.model, data, configuration)
+            pinocchio.updateFramePlacement(self.model, data, index)
+            poses[row] = live.homogeneous
+        return poses
+
+    def configurations(self, q: Floats) -> Floats:
+        """Pinocchio's configurations (n, nq) of the (n, k) axis values; a continuous joint becomes cosine and sine.
+
+        Raises:
+            ConfigurationRefused: q has another shape, or a value that is not finite.
+        """
+        values = self._checked(q)
+        configurations = np.empty((len(values), self.model.nq))
+        for column, name in enumerate(self.names):
+            joint = self.model.getJointId(name)
+            first = self.model.idx_qs[joint]
+            if self.model.nqs[joint] == 2:
+                configurations[:, first] = np.cos(values[:, column])
+                configurations[:, first + 1] = np.sin(values[:, column])
+            else:
+                configurations[:, first] = values[:, column]
+        return configurations
+
+    def _checked(self, q: Floats) -> Floats:
+        values = np.asarray(q, dtype=np.float64)
+        if values.ndim != 2 or values.shape[1] != len(self.axes):
+            raise ConfigurationRefused(
+                f"axis values of shape {values.shape}, expected (n, {len(self.axes)}): columns {', '.join(self.names)}"
+            )
+        with np.errstate(invalid="ignore", over="ignore"):
+            total = np.sum(values)
+        # The sum is finite wherever every value is, short of overflow; only then is it worth looking at each.
+        if not np.isfinite(total):
+            rows, columns = np.nonzero(~np.isfinite(values))
+            if len(rows):
+                name, value = self.names[columns[0]], values[rows[0], columns[0]]
+                raise ConfigurationRefused(f"row {rows[0]}: axis {name} is {value}, expected a finite number")
+        return values
+
+    def _frame(self, name: str) -> _Frame:
+        if name not in self._frames:
+            nearest = get_close_matches(name, self._frames, n=1, cutoff=0.0)
+            raise ModelRefused(f"{self.path}: no frame {name!r}; the nearest name is {nearest[0]!r}")
+        return self._frames[name]
+
+    def _walk(self, values: Floats, ends: Mapping[str, _Frame]) -> dict[str, Columns]:
+        poses: dict[int, Columns] = {0: _STILL}
+        for joint in sorted(self._ancestors(end.joint for end in ends.values())):
+            constants = self._joints[joint]
+            column = np.ascontiguousarray(values[:, constants.column])
+            poses[joint] = _compose(poses[constants.parent], _moved(constants, column))
+        return {name: _compose(poses[end.joint], end.placement) for name, end in ends.items()}
+
+    def _ancestors(self, joints: Iterable[int]) -> set[int]:
+        found: set[int] = set()
+        for joint in joints:
+            while joint and joint not in found:
+                found.add(joint)
+                joint = self._joints[joint].parent
+        return found
+
+
+def _driven_joints(path: Path) -> dict[str, str]:
+    """Types of the driven joints by name, in the file's order (Pinocchio sorts siblings by name)."""
+    try:
+        root = ElementTree.fromstring(path.read_bytes())
+    except OSError as error:
+        raise ModelRefused(f"{path}: cannot be read as a URDF: {error.strerror}") from error
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise ModelRefused(f"{path}: not a URDF: {error}") from error
+    if root.tag != "robot" or "name" not in root.attrib:
+        raise ModelRefused(f"{path}: not a URDF: the root element is <{root.tag}>, expected <robot name=...>")
+    joints: dict[str, str] = {}
+    for element in root.findall("joint"):
+        name, kind = element.get("name", ""), element.get("type", "")
+        if not name or kind not in (*_MOVING, "fixed"):
+            raise ModelRefused(
+                f"{path}: joint {name!r} is of type {kind!r}, expected one of {', '.join(_MOVING)}, fixed"
+            )
+        if kind == "fixed" or element.find("mimic") is not None:
+            continue
+        limit = element.find("limit")
+        if limit is None or "velocity" not in limit.attrib or "effort" not in limit.attrib:
+            raise ModelRefused(f"{path}: joint {name!r} needs a <limit> with lower, upper, velocity and effort")
+        joints[name] = kind
+    if not joints:
+        raise ModelRefused(f"{path}: no joint moves")
+    return joints
+
+
+def _pinocchio_model(path: Path) -> pinocchio.Model:
+    try:
+        return pinocchio.buildModelFromUrdf(str(path), mimic=True)
+    except (ValueError, RuntimeError) as error:
+        raise ModelRefused(f"{path}: Pinocchio cannot build it: {' '.join(str(error).split())}") from error
+
+
+def _axis(path: Path, model: pinocchio.Model, name: str, kind: str) -> Axis:
+    joint = model.getJointId(name)
+    first = model.idx_qs[joint]
+    endless = kind == "continuous"
+    axis = Axis(
+        name=name,
+        revolute=kind != "prismatic",
+        lower=-np.inf if endless else float(model.lowerPositionLimit[first]),
+        upper=np.inf if endless else float(model.upperPositionLimit[first]),
+        speed=float(model.velocityLimit[model.idx_vs[joint]]),
+    )
+    _check_axis(path, axis)
+    return axis
+
+
+def _check_axis(path: Path, axis: Axis) -> None:
+    unit = "rad" if axis.revolute else "m"
+    if not axis.lower < axis.upper:
+        raise ModelRefused(
+            f"{path}: axis {axis.name} has travel {axis.lower:g} to {axis.upper:g} {unit}, expected lower < upper"
+        )
+    if not axis.speed > 0:
+        raise ModelRefused(f"{path}: axis {axis.name} has speed {axis.speed:g} {unit}/s, expected more than 0")
+
+
+def _joints(path: Path, model: pinocchio.Model, column_of: Mapping[int, int]) -> tuple[_Joint, ...]:
+    neutral = pinocchio.neutral(model)
+    nothing = np.zeros((3, 3))
+    # Joint 0 is the root: it never moves and is never evaluated.
+    joints = [_Joint(0, 0, False, 1.0, 0.0, np.eye(3), nothing, nothing, np.zeros(3), np.zeros(3))]
+    for index in range(1, model.njoints):
+        joint = model.joints[index]
+        state = joint.createData()
+        joint.calc(state, neutral)
+        subspace = np.asarray(state.S, dtype=np.float64).reshape(6)
+        scaling, offset, first = 1.0, 0.0, int(model.idx_qs[index])
+        if joint.shortname() == "JointModelMimic":
+            mimic = joint.extract()
+            scaling, offset = float(mimic.scaling), float(mimic.offset)
+            if scaling == 0:
+                raise ModelRefused(f"{path}: joint {model.names[index]!r} mimics with multiplier 0: make it fixed")
+            subspace = subspace / scaling
+        placement = model.jointPlacements[index]
+        rotation, origin = placement.rotation, placement.translation
+        linear, axis = subspace[:3], subspace[3:]
+        revolute = bool(np.any(axis))
+        # Rodrigues: R(q) = a a' + cos q (1 - a a') + sin q [a]x
+        projector = np.outer(axis, axis)
+        joints.append(
+            _Joint(
+                parent=int(model.parents[index]),
+                column=column_of[first],
+                revolute=revolute,
+                scaling=scaling,
+                offset=offset,
+                still=_snapped(rotation @ projector if revolute else rotation),
+                cosine=_snapped(rotation @ (np.eye(3) - projector)),
+                sine=_snapped(rotation @ pinocchio.skew(axis)),
+                origin=_snapped(origin),
+                slide=_snapped(rotation @ linear),
+            )
+        )
+    return tuple(joints)
+
+
+def _frames(model: pinocchio.Model) -> dict[str, _Frame]:
+    frames = {}
+    for frame in model.frames:
+        # A link and a joint may share a name: the link is meant.
+        if frame.name not in frames or frame.type == pinocchio.FrameType.BODY:
+            placement = frame.placement
+            frames[frame.name] = _Frame(
+                int(frame.parentJoint), _constant(_snapped(placement.rotation), _snapped(placement.translation))
+            )
+    return frames
+
+
+def _frame_index(model: pinocchio.Model, name: str) -> int:
+    same = [index for index, frame in enumerate(model.frames) if frame.name == name]
+    links = [index for index in same if model.frames[index].type == pinocchio.FrameType.BODY]
+    return (links or same)[0]
+
+
+def _snapped(values: Floats) -> Floats:
+    nearest = np.round(values)
+    return np.where(np.abs(values - nearest) <= _ROUNDING, nearest, values)
+
+
+def _constant(rotation: Floats, translation: Floats) -> Columns:
+    rows: list[list[float]] = rotation.tolist()
+    return Columns(tuple((row[0], row[1], row[2]) for row in rows), tuple(translation.tolist()))
+
+
+_STILL = _constant(np.eye(3), np.zeros(3))
+
+
+def _moved(joint: _Joint, column: Floats) -> Columns:
+    """The joint's placement in its parent for (n,) values of its axis."""
+    value: Entry = _sum(_product(joint.scaling, column), joint.offset)
+    if not joint.revolute:
+        still = _constant(joint.still, joint.origin)
+        shift = joint.slide.tolist()
+        return Columns(
+            still.rotation, tuple(_sum(p, _product(s, value)) for p, s in zip(still.translation, shift, strict=True))
+        )
+    # One tangent instead of a cosine and a sine: NumPy vectorises it best, and both stay within 4e-16.
+    half = np.tan(0.5 * value)
+    share = 2.0 / (1.0 + half * half)
+    cosine, sine = share - 1.0, half * share
+    entries = [
+        _sum(_sum(still, _product(c, cosine)), _product(s, sine))
+        for still, c, s in zip(
+            joint.still.ravel().tolist(), joint.cosine.ravel().tolist(), joint.sine.ravel().tolist(), strict=True
+        )
+    ]
+    rows = tuple((entries[i], entries[i + 1], entries[i + 2]) for i in (0, 3, 6))
+    return Columns(rows, tuple(joint.origin.tolist()))
+
+
+def _compose(parent: Columns, child: Columns) -> Columns:
+    # Unrolled over the entries, not the samples: zeros and ones fold away before any array is touched.
+    turned = tuple(
+        (
+            _dot(row, [line[0] for line in child.rotation]),
+            _dot(row, [line[1] for line in child.rotation]),
+            _dot(row, [line[2] for line in child.rotation]),
+        )
+        for row in parent.rotation
+    )
+    moved = tuple(
+        _sum(start, _dot(row, child.translation))
+        for start, row in zip(parent.translation, parent.rotation, strict=True)
+    )
+    return Columns(turned, moved)
+
+
+def _dot(row: Sequence[Entry], column: Sequence[Entry]) -> Entry:
+    return _sum(_sum(_product(row[0], column[0]), _product(row[1], column[1])), _product(row[2], column[2]))
+
+
+def _product(a: Entry, b: Entry) -> Entry:
+    if isinstance(b, float):
+        a, b = b, a
+    if isinstance(a, float):
+        if a == 0.0:
+            return 0.0
+        if a == 1.0:
+            return b
+        if a == -1.0:
+            return -b
+    return a * b
+
+
+def _sum(a: Entry, b: Entry) -> Entry:
+    if isinstance(a, float) and a == 0.0:
+        return b
+    if isinstance(b, float) and b == 0.0:
+        return a
+    return a + b
+
+
+def _fill(poses: Floats, columns: Columns) -> None:
+    """Write entries into (n, 4, 4) zeros."""
+    poses[:, 3, 3] = 1.0
+    for i in range(3):
+        for j, entry in enumerate((*columns.rotation[i], columns.translation[i])):
+            if not (isinstance(entry, float) and entry == 0.0):
+                poses[:, i, j] = entry
