@@ -1,0 +1,383 @@
+"""Controller tables: every letter, code and rule of a control is in a TOML file; the code knows none of them."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from tapelayer.errors import ControllerRefused, Fault
+from tapelayer.trajectory import Event
+
+Joint = Annotated[str, Field(min_length=1)]
+Address = Annotated[str, Field(pattern=r"^[A-Z](\d*=)?$")]
+Letter = Annotated[str, Field(pattern=r"^[A-Z]$")]
+GCode = Annotated[str, Field(pattern=r"^G\d{1,3}(\.\d)?$")]
+MCode = Annotated[str, Field(pattern=r"^M\d{1,3}$")]
+EventWords = Annotated[str, Field(pattern=r"^M\d{1,3}( [A-Z]\d{1,3})?$")]
+EventName = Literal[
+    "shoe_down",
+    "shoe_up",
+    "roller_down",
+    "roller_up",
+    "knife_1_down",
+    "knife_1_up",
+    "knife_2_down",
+    "knife_2_up",
+    "supply_mode",
+    "heater_on",
+    "heater_off",
+    "stop",
+    "air_on",
+    "air_off",
+    "arc_on",
+    "arc_off",
+]
+Plane = Literal["xy", "zx", "yz"]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class AxisWord(_Table):
+    """How a joint is written.
+
+    Attributes:
+        address: the letter, or an extended address with its equals sign (`Q1=`).
+        joints: joints that may stand behind it; a machine has at most one of them.
+        unit: what the number means, mm or deg.
+        decimals: digits after the point.
+    """
+
+    address: Address
+    joints: Annotated[tuple[Joint, ...], Field(min_length=1, strict=False)]
+    unit: Literal["mm", "deg"]
+    decimals: Annotated[int, Field(ge=0, le=6)] = 3
+
+
+class Blocks(_Table):
+    """What a block looks like, and what stands around the blocks.
+
+    Attributes:
+        number_step: step of the N words and the first of them; 0 writes none.
+        number_maximum: the largest N; after it they start again.
+        max_line: characters that the control takes in a line, without the line end.
+        comment: how a comment begins; `(` is closed by `)`.
+        first_line: a line before everything, without N; empty for none.
+        last_line: a line after everything, without N; empty for none.
+        preamble: blocks written once, before the first motion.
+        restated: blocks written before the first motion and at the start of every course.
+        end: codes that end a program; the first is written.
+    """
+
+    number_step: Annotated[int, Field(ge=0)]
+    number_maximum: Annotated[int, Field(ge=1, le=999999999)]
+    max_line: Annotated[int, Field(ge=20)]
+    comment: Literal["(", ";"]
+    first_line: str
+    last_line: str
+    preamble: Annotated[tuple[str, ...], Field(strict=False)]
+    restated: Annotated[tuple[str, ...], Field(strict=False)]
+    end: Annotated[tuple[MCode, ...], Field(min_length=1, strict=False)]
+
+
+class Codes(_Table):
+    """The G words.
+
+    Attributes:
+        rapid: rapid positioning.
+        linear: straight interpolation.
+        clockwise: circular interpolation, clockwise seen against the plane's third axis.
+        counterclockwise: circular interpolation, the other way round.
+        dwell: a pause.
+        dwell_address: address of the pause in seconds.
+        dwell_decimals: digits after its point.
+        absolute: positions from now on.
+        incremental: increments from now on.
+        per_minute: the feed word is a path speed per minute.
+        inverse_time: the feed word is one over the block's minutes.
+        set_position: the axis words of the block become the present position.
+        planes: the plane of circular blocks.
+        no_effect: G words and whole blocks that are read and change nothing that counts here.
+    """
+
+    rapid: GCode
+    linear: GCode
+    clockwise: GCode
+    counterclockwise: GCode
+    dwell: GCode
+    dwell_address: Letter
+    dwell_decimals: Annotated[int, Field(ge=1, le=6)] = 3
+    absolute: GCode
+    incremental: GCode
+    per_minute: GCode
+    inverse_time: GCode
+    set_position: GCode
+    planes: dict[Plane, GCode]
+    no_effect: Annotated[tuple[str, ...], Field(strict=False)] = ()
+
+    def words(self) -> dict[str, str]:
+        """Every G word with what it is for."""
+        words = {
+            name: value
+            for name, value in self.model_dump(exclude={"no_effect", "planes", "dwell_address"}).items()
+            if name != "dwell_decimals"
+        }
+        return words | {f"plane {plane}": code for plane, code in self.planes.items()}
+
+
+class Feed(_Table):
+    """What the feed word means.
+
+    Attributes:
+        address: its letter.
+        mode: per minute along the path, or inverse time (1/min).
+        path: groups of addresses, the first of which that moves in a block sets the path that F is along, as the
+            square root of the summed squares in written units.
+        otherwise: where no group moves: F along the axis with the largest change in written units (ties: the first in
+            word order), or along the root of the summed squares of all axes.
+        modal: whether a feed word holds until the next one.
+        digits: least number of significant digits.
+    """
+
+    address: Letter
+    mode: Literal["per_minute", "inverse_time"]
+    path: Annotated[tuple[Annotated[tuple[Address, ...], Field(min_length=1, strict=False)], ...], Field(strict=False)]
+    otherwise: Literal["largest", "norm"]
+    modal: bool
+    digits: Annotated[int, Field(ge=6, le=9)] = 6
+
+
+class Arcs(_Table):
+    """Circular blocks.
+
+    Attributes:
+        planes: planes in which the control interpolates circles while further axes move along; none: no arcs written.
+        offsets: addresses of the centre, along x, y, z from the block's beginning.
+    """
+
+    planes: Annotated[tuple[Plane, ...], Field(strict=False)]
+    offsets: Annotated[tuple[Letter, Letter, Letter], Field(strict=False)] = ("I", "J", "K")
+
+
+class Controller(_Table):
+    """A control, as its table describes it.
+
+    Attributes:
+        name: name of the table: built-in, or the file's without its ending.
+        title: one line for people.
+        axes: axis words in the order in which they stand in a block.
+        max_word: largest magnitude of an axis word, in written units.
+        u_reset: whether the tape's axis is set to zero at the start of each course.
+        reserved: letters that mean something else to this control and cannot be axis addresses.
+        blocks: block format.
+        codes: G words.
+        feed: feed rule.
+        events: words of the switching events that the control knows.
+        arcs: circular blocks.
+    """
+
+    name: str
+    title: str
+    axes: Annotated[tuple[AxisWord, ...], Field(min_length=1, strict=False)]
+    max_word: Annotated[float, Field(gt=0, le=2e9, strict=False)]
+    u_reset: Literal["never", "course"]
+    reserved: Annotated[tuple[Letter, ...], Field(strict=False)]
+    blocks: Blocks
+    codes: Codes
+    feed: Feed
+    events: dict[EventName, EventWords]
+    arcs: Arcs
+
+    @model_validator(mode="after")
+    def _lint(self) -> Self:
+        faults = list(self._faults())
+        if faults:
+            raise ValueError("\n".join(faults))
+        return self
+
+    def _faults(self) -> Iterator[str]:
+        taken = {letter: "is reserved by the control" for letter in self.reserved}
+        taken |= {letter: "is the centre of arcs" for letter in self.arcs.offsets if self.arcs.planes}
+        taken |= {self.codes.dwell_address: "is the time of a dwell", self.feed.address: "is the feed"}
+        taken |= {"G": "begins a preparatory word", "M": "begins a switching word", "N": "numbers a block"}
+        joints: set[str] = set()
+        for axis in self.axes:
+            if axis.address in taken:
+                yield f"axes: address {axis.address} {taken[axis.address]}; give {axis.joints[0]} another"
+            taken[axis.address] = "has an axis already"
+            for joint in axis.joints:
+                if joint in joints:
+                    yield f"axes: joint {joint} has two addresses; give it one"
+                joints.add(joint)
+        addresses = {axis.address for axis in self.axes}
+        for address in sorted({address for group in self.feed.path for address in group} - addresses):
+            yield f"feed.path: {address} is not the address of an axis"
+        yield from self._repeated("codes", self.codes.words().items(), {})
+        yield from self._repeated("events", self.events.items(), {code(word): "end" for word in self.blocks.end})
+        for name in ("preamble", "restated"):
+            for block in getattr(self.blocks, name):
+                yield from self._unknown_words(f"blocks.{name}", block)
+        if self.blocks.number_step > self.blocks.number_maximum:
+            yield "blocks: number_step is beyond number_maximum; lower it"
+
+    @staticmethod
+    def _repeated(
+        section: str, words: Iterable[tuple[str, str]], used: dict[tuple[str, float, str], str]
+    ) -> Iterator[str]:
+        for name, word in words:
+            other = used.setdefault(code(word), name)
+            if other != name:
+                yield f"{section}: {word} stands for both {other} and {name}; each needs a word of its own"
+
+    def _unknown_words(self, section: str, block: str) -> Iterator[str]:
+        if block in self.codes.no_effect:
+            return
+        known = {code(word) for word in self.codes.words().values()}
+        known |= {code(word) for word in self.codes.no_effect if re.fullmatch(r"G\d+(\.\d)?", word)}
+        for word in block.split():
+            if not re.fullmatch(r"G\d+(\.\d)?", word) or code(word) not in known:
+                yield f"{section}: {word} is not in codes or codes.no_effect, so no reader would know it"
+
+    def addressed(self, joints: Sequence[str]) -> tuple[tuple[AxisWord, int], ...]:
+        """Axis words of a machine's joints in word order, each with the joint's index in `joints`.
+
+        Raises:
+            ControllerRefused: a joint has no address, or two share one.
+        """
+        found = [(axis, index) for axis in self.axes for index in range(len(joints)) if joints[index] in axis.joints]
+        written = {index for _, index in found}
+        faults = [
+            Fault(0, f"has no address for axis {joint}; use a controller that has, or add it to the table's axes")
+            for index, joint in enumerate(joints)
+            if index not in written
+        ]
+        for axis in self.axes:
+            sharing = [joints[index] for other, index in found if other is axis]
+            if len(sharing) > 1:
+                faults.append(
+                    Fault(0, f"axes {' and '.join(sharing)} share address {axis.address}; the machine has both")
+                )
+        if faults:
+            raise ControllerRefused(f"controller {self.name}", faults)
+        return tuple(found)
+
+    def event_words(self) -> dict[Event, str]:
+        """Words of each event that the control knows."""
+        return {Event[name.upper()]: words for name, words in self.events.items()}
+
+
+def code(words: str) -> tuple[str, float, str]:
+    """What makes two codes the same, however they are written: letter, number, and a second word if there is one."""
+    first, _, second = words.partition(" ")
+    return first[0], float(first[1:]), second
+
+
+def names() -> tuple[str, ...]:
+    """Names of the built-in controllers."""
+    files = (entry.name for entry in resources.files(__name__).iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in files if name.endswith(".toml")))
+
+
+def load(name_or_path: str) -> Controller:
+    """Load a built-in controller by name, or a table of one's own by the path of its TOML file.
+
+    Raises:
+        ControllerRefused: there is no such table, or it has faults; all of them at once.
+    """
+    if name_or_path in names():
+        data = resources.files(__name__).joinpath(f"{name_or_path}.toml").read_bytes()
+        return parse(data, f"{name_or_path}.toml")
+    if not re.search(r"\.toml$|[/\\]", name_or_path):
+        near = difflib.get_close_matches(name_or_path, names(), 1, 0.4)
+        advice = f"did you mean {near[0]}?" if near else f"there are {', '.join(names())}"
+        sentence = f"is not a built-in controller; {advice} A table of your own is named by its path, ending in .toml"
+        raise ControllerRefused(name_or_path, [Fault(0, sentence)])
+    try:
+        data = Path(name_or_path).read_bytes()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise ControllerRefused(name_or_path, [Fault(0, f"cannot be read: {reason}")]) from None
+    return parse(data, name_or_path)
+
+
+def parse(data: bytes, path: str) -> Controller:
+    """Controller from the bytes of its table; `path` names it, in messages and, without folder and ending, in programs.
+
+    Raises:
+        ControllerRefused: not TOML, unknown keys (with the nearest known one), or values that cannot be; all at once.
+    """
+    try:
+        text = data.decode("utf-8-sig")
+        table = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise ControllerRefused(path, [Fault(0, f"byte {error.start} is not UTF-8; save it as UTF-8")]) from None
+    except tomllib.TOMLDecodeError as error:
+        place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        line, column = (int(place[1]), int(place[2])) if place else (0, 0)
+        sentence = f"not TOML: {str(error).split(' (at ')[0].lower()}"
+        raise ControllerRefused(path, [Fault(line, sentence, column)]) from None
+    if "name" in table:
+        raise ControllerRefused(path, [Fault(_line(text, ("name",)), "unknown key name; the file's name is the name")])
+    try:
+        return Controller.model_validate({"name": Path(path).stem, **table})
+    except ValidationError as error:
+        faults = {fault for found in error.errors() for fault in _worded(text, found)}
+        raise ControllerRefused(path, sorted(faults, key=lambda fault: (fault.line, fault.sentence))) from None
+
+
+def _worded(text: str, found: ErrorDetails) -> list[Fault]:
+    """What validation found, in sentences of one fault each."""
+    place = found["loc"]
+    if not place:
+        # The lint's own sentences begin with the place they speak of.
+        sentences = found["msg"].removeprefix("Value error, ").splitlines()
+        return [Fault(_line(text, tuple(sentence.split(":")[0].split("."))), sentence) for sentence in sentences]
+    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
+    if found["type"] == "extra_forbidden" or place[-1] == "[key]":
+        known = _known(place)
+        key = str(place[-2] if place[-1] == "[key]" else place[-1])
+        near = difflib.get_close_matches(key, known, 1, 0.4)
+        sentence = f"unknown key {key}; " + (f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}")
+    elif found["type"] == "missing":
+        sentence = f"{where} is missing"
+    else:
+        message, shown = found["msg"], repr(found["input"])
+        shown = shown if len(shown) <= 40 else shown[:37] + "..."
+        sentence = f"{where}: {message[0].lower()}{message[1:]}, got {shown}"
+    return [Fault(_line(text, place), sentence)]
+
+
+def _known(place: tuple[int | str, ...]) -> list[str]:
+    """Keys that may stand where an unknown one was found."""
+    if place[-1] == "[key]":
+        return [event.name.lower() for event in Event if event] if place[0] == "events" else ["xy", "zx", "yz"]
+    model: Any = Controller
+    for part in place[:-1]:
+        if isinstance(part, str):
+            annotation = model.model_fields[part].annotation
+            model = AxisWord if part == "axes" else annotation
+    return [name for name in model.model_fields if (name, model) != ("name", Controller)]
+
+
+def _line(text: str, place: tuple[int | str, ...]) -> int:
+    """Line (from 1) of a key in the table's text, or of what it stands in; 0 where neither has one."""
+    parts = [str(part) for part in place if isinstance(part, str) and part != "[key]"]
+    lines: dict[str, int] = {}
+    section = ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if header := re.match(r"\s*\[\s*([\w.]+)\s*\]", line):
+            section = header[1] + "."
+            lines.setdefault(header[1], number)
+        elif key := re.match(r"\s*([\w-]+)\s*=", line):
+            lines.setdefault(section + key[1], number)
+    places = (".".join(parts[:length]) for length in range(len(parts), 0, -1))
+    return next((lines[place] for place in places if place in lines), 0)

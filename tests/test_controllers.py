@@ -1,0 +1,158 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+import post.controllers
+from post.controllers import Controller, load, names, parse
+from tapelayer.errors import ControllerRefused
+from tapelayer.trajectory import Event
+
+FOLDER = Path(post.controllers.__file__).parent
+JB3208 = (FOLDER / "jb3208.toml").read_text(encoding="utf-8")
+TEN_AXES = ("x", "y", "z", "c", "a", "u", "v", "d", "q", "e")
+
+
+def refused(text: str) -> str:
+    with pytest.raises(ControllerRefused) as caught:
+        parse(text.encode(), "folder/mine.toml")
+    return str(caught.value)
+
+
+def changed(*changes: tuple[str, str]) -> str:
+    text = JB3208
+    for old, new in changes:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_built_in_table_loads_and_is_named_after_its_file(name: str) -> None:
+    controller = load(name)
+    assert controller.name == name
+    assert (FOLDER / f"{name}.toml").is_file()
+    with pytest.raises(ValidationError, match="frozen"):
+        controller.title = "other"  # type: ignore[misc]
+
+
+def test_jb3208_has_the_words_of_table_2() -> None:
+    controller = load("jb3208")
+    events = controller.event_words()
+    assert [controller.codes.rapid, controller.codes.linear, controller.codes.clockwise] == ["G00", "G01", "G02"]
+    assert [controller.codes.counterclockwise, controller.codes.dwell] == ["G03", "G04"]
+    assert [controller.codes.absolute, controller.codes.incremental] == ["G90", "G91"]
+    table_2 = (Event.SHOE_DOWN, Event.ROLLER_DOWN, Event.KNIFE_1_DOWN, Event.KNIFE_1_UP, Event.SUPPLY_MODE)
+    assert [events[event] for event in table_2] == ["M20", "M21", "M22", "M23", "M24"]
+    assert "".join(axis.address for axis in controller.axes) == "XYZACUVQDE"
+
+
+def test_addresses_come_in_word_order_whatever_the_order_of_the_joints() -> None:
+    found = load("jb3208").addressed(TEN_AXES)
+    assert [(axis.address, TEN_AXES[index]) for axis, index in found] == [
+        (letter.upper(), letter) for letter in "xyzacuvqde"
+    ]
+
+
+def test_a_joint_without_address_is_refused_by_name() -> None:
+    with pytest.raises(ControllerRefused, match="controller jb3208: has no address for axis theta; use a controller"):
+        load("jb3208").addressed(("x", "y", "z", "theta"))
+
+
+def test_two_joints_of_a_machine_behind_one_address_are_refused() -> None:
+    controller = parse(changed(('joints = ["c"]', 'joints = ["c", "theta"]')).encode(), "mine.toml")
+    assert [axis.address for axis, _ in controller.addressed(("x", "theta"))] == ["X", "C"]
+    with pytest.raises(ControllerRefused, match="controller mine: axes c and theta share address C"):
+        controller.addressed(("c", "theta"))
+
+
+def test_a_table_of_ones_own_is_named_by_its_path(tmp_path: Path) -> None:
+    path = tmp_path / "shop floor.toml"
+    path.write_text(changed(('"M20"', '"M120"')), encoding="utf-8")
+    controller = load(str(path))
+    assert controller.name == "shop floor"
+    assert controller.event_words()[Event.SHOE_DOWN] == "M120"
+
+
+def test_unknown_names_and_paths_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ControllerRefused, match="^jb3028: is not a built-in controller; did you mean jb3208?"):
+        load("jb3028")
+    with pytest.raises(ControllerRefused, match="^fanuc: is not a built-in controller; .*jb3208"):
+        load("fanuc")
+    with pytest.raises(ControllerRefused, match="no.toml: cannot be read: no such file or directory$"):
+        load(str(tmp_path / "no.toml"))
+    with pytest.raises(ControllerRefused, match="cannot be read: is a directory$"):
+        load(f"{tmp_path}/")
+
+
+def test_what_is_not_toml_is_refused_with_its_place() -> None:
+    assert refused("title = \n") == "folder/mine.toml:1:9: not TOML: invalid value"
+    with pytest.raises(ControllerRefused, match=r"^mine.toml: byte 9 is not UTF-8; save it as UTF-8$"):
+        parse(b'title = "\xff"', "mine.toml")
+
+
+def test_all_faults_of_keys_and_values_come_at_once_with_line_and_nearest_name() -> None:
+    text = changed(
+        ("shoe_down", "shoe_dwn"), ("max_line", "maxline"), ("number_step = 10", "number_step = -1"), ("zx =", "zy =")
+    )
+    lines = text.splitlines()
+    at = {key: next(i for i, line in enumerate(lines, 1) if key in line) for key in ("shoe_dwn", "maxline", "zy =")}
+    step = next(i for i, line in enumerate(lines, 1) if line.startswith("number_step"))
+    assert refused(text).splitlines() == [
+        f"folder/mine.toml:{step - 1}: blocks.max_line is missing",
+        f"folder/mine.toml:{step}: blocks.number_step: input should be greater than or equal to 0, got -1",
+        f"folder/mine.toml:{at['maxline']}: unknown key maxline; did you mean max_line?",
+        f"folder/mine.toml:{at['zy =']}: unknown key zy; did you mean zx?",
+        f"folder/mine.toml:{at['shoe_dwn']}: unknown key shoe_dwn; did you mean shoe_down?",
+    ]
+
+
+def test_all_collisions_come_at_once() -> None:
+    text = changed(
+        ('address = "E"', 'address = "F"'),
+        ('address = "D"', 'address = "R"'),
+        ('address = "Q"', 'address = "P"'),
+        ('address = "V"', 'address = "J"'),
+        ('joints = ["u"]', 'joints = ["x"]'),
+        ('address = "Y"', 'address = "X"'),
+        ('"G94"', '"G1.0"'),
+        ('"M21"', '"M020"'),
+        ('"M33"', '"M30"'),
+        ('restated = ["G90"]', 'restated = ["G90 G64 T1"]'),
+        ('["X", "Y", "Z"]]', '["X", "Z", "W"]]'),
+    )
+    message = refused(text)
+    for sentence in (
+        "axes: address F is the feed; give e another",
+        "axes: address R is reserved by the control; give d another",
+        "axes: address P is the time of a dwell; give q another",
+        "axes: address J is the centre of arcs; give v another",
+        "axes: joint x has two addresses; give it one",
+        "axes: address X has an axis already; give y another",
+        "feed.path: W is not the address of an axis",
+        "codes: G1.0 stands for both linear and per_minute; each needs a word of its own",
+        "events: M020 stands for both shoe_down and roller_down; each needs a word of its own",
+        "events: M30 stands for both end and knife_2_down; each needs a word of its own".replace("_down", "_up"),
+        "blocks.restated: G64 is not in codes or codes.no_effect, so no reader would know it",
+        "blocks.restated: T1 is not in codes or codes.no_effect, so no reader would know it",
+    ):
+        assert f": {sentence}\n" in message + "\n"
+    assert len(message.splitlines()) == 12
+    assert "folder/mine.toml:0" not in message and "folder/mine.toml:" in message
+
+
+def test_a_number_step_beyond_the_largest_number_is_refused() -> None:
+    assert "number_step is beyond number_maximum" in refused(
+        changed(("number_maximum = 9999990", "number_maximum = 5"))
+    )
+
+
+def test_a_table_cannot_name_itself() -> None:
+    assert refused('name = "x"\n' + JB3208) == "folder/mine.toml:1: unknown key name; the file's name is the name"
+
+
+def test_controller_is_hashable_by_value_of_its_table() -> None:
+    assert load("jb3208") == load("jb3208")
+    assert isinstance(load("jb3208"), Controller)
