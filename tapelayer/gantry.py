@@ -145,6 +145,51 @@ def wrap(joints: Floats, tangents: Floats) -> Floats:
     return np.asarray(np.arctan2(climb, sin4 * along + cos4 * across))
 
 
+def roller_axes(joints: Floats) -> Floats:
+    """Roller axes r (n, 3) in `machine` axes for (n, 5) joint values in the order of `POSE`."""
+    sin4, cos4, sin5, cos5 = _sines(joints)
+    return np.column_stack([cos4 * cos5, -sin4 * cos5, sin5])
+
+
+def tool_points(found: Lengths, reach: float, joints: Floats) -> Floats:
+    """Points (n, 3) in `machine` axes, metres, that lie `reach` metres from the a axis along the tool, by eq. (3).
+
+    Args:
+        found: lengths of the head.
+        reach: l6 for the nose of the roller, l6 less its radius for its centre, metres.
+        joints: (n, 5) joint values in the order of `POSE`.
+    """
+    sin4, cos4, sin5, cos5 = _sines(joints)
+    return np.column_stack(
+        [
+            joints[:, 0] - found.l5 * sin4 + reach * cos4 * sin5,
+            -joints[:, 1] - found.l5 * cos4 - reach * sin4 * sin5,
+            -joints[:, 2] - found.l4 - reach * cos5,
+        ]
+    )
+
+
+def tool_effects(found: Lengths, reach: float, joints: Floats, changes: Floats) -> tuple[Floats, Floats]:
+    """How far the tool point (n, 3) and the roller axis (n, 3) move for small changes (n, 5) of the joints.
+
+    Args:
+        found: lengths of the head.
+        reach: as in `tool_points`, metres.
+        joints: (n, 5) joint values in the order of `POSE`.
+        changes: (n, 5) of the joint values; the result is linear in them.
+    """
+    sin4, cos4, sin5, cos5 = _sines(joints)
+    turn4, turn5 = changes[:, 3], changes[:, 4]
+    point = changes[:, :3] * np.array([1.0, -1.0, -1.0])
+    point[:, 0] += (-found.l5 * cos4 - reach * sin4 * sin5) * turn4 + reach * cos4 * cos5 * turn5
+    point[:, 1] += (found.l5 * sin4 - reach * cos4 * sin5) * turn4 - reach * sin4 * cos5 * turn5
+    point[:, 2] += reach * sin5 * turn5
+    axis = np.column_stack(
+        [-sin4 * cos5 * turn4 - cos4 * sin5 * turn5, -cos4 * cos5 * turn4 + sin4 * sin5 * turn5, cos5 * turn5]
+    )
+    return point, axis
+
+
 def slides(direction: Floats) -> Floats:
     """Changes (3,) of x, y, z that move the head by a vector (3,) in `machine` axes: y and z run against theirs."""
     changes: Floats = direction * np.array([1.0, -1.0, -1.0])

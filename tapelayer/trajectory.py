@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +97,11 @@ class Trajectory:
     def duration(self) -> float:
         """Seconds from the first block to the last."""
         return float(np.sum(self.durations))
+
+    @cached_property
+    def times(self) -> Floats:
+        """Seconds (n,) from the program's start to each block's end."""
+        return frozen(np.cumsum(self.durations))
 
     def column(self, axis: str) -> int:
         """Column of an axis in `positions`."""

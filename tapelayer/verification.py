@@ -1,11 +1,41 @@
-"""Verification: the only door to an NC program."""
+"""Verification: a trajectory against its courses, through Pinocchio on the URDF; the only door to an NC program."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from tapelayer.trajectory import Trajectory
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from tapelayer import gantry
+from tapelayer.arrays import Floats, Ints
+from tapelayer.course import Course
+from tapelayer.errors import VerificationFailed
+from tapelayer.evidence import AxisUse, Evidence, Failure, Samples
+from tapelayer.laying import place
+from tapelayer.machine import Machine
+from tapelayer.setup import DEG, MM, Setup
+from tapelayer.toolpath import Toolpath
+from tapelayer.trajectory import Event, Kind, Trajectory
+
+# Between two block ends the path is looked at this often, and at least every so many metres.
+LEAST_SAMPLES = 4
+SAMPLE_STEP = 5e-3
+# Pinocchio itself evaluates this many block ends; of a longer program an even selection.
+PINOCCHIO_BLOCKS = 20_000
+PINOCCHIO_AGREEMENT = 1e-9
+# A feed word of six digits and the time made from it agree this well.
+FEED_DIGITS = 1e-5
+# The nip's arc length is found from the tape fed to this accuracy, in metres.
+STATION_ACCURACY = 1e-10
+
+# What must be switched on before what switches it off, and the other way round.
+SWITCHES = (
+    ("shoe", Event.SHOE_DOWN, Event.SHOE_UP),
+    ("auxiliary_roller", Event.ROLLER_DOWN, Event.ROLLER_UP),
+    ("heater", Event.HEATER_ON, Event.HEATER_OFF),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,4 +48,414 @@ class Verified:
     """
 
     trajectory: Trajectory
-    evidence: Any
+    evidence: Evidence
+
+
+def verify(
+    trajectory: Trajectory,
+    courses: Sequence[Course],
+    setup: Setup,
+    machine: Machine,
+    resolution: Floats | None = None,
+) -> Verified:
+    """Verified trajectory, or the reasons why it is none.
+
+    Args:
+        trajectory: planned, or read back from a program.
+        courses: what it has to lay, in the part's frame.
+        setup: the job's values.
+        machine: the gantry, with the setup's limits already in it.
+        resolution: (k,) last written digit of each axis in metres and radians, for a program read back; its feed is
+            made from rounded end points, so a speed may exceed its limit by one digit a block.
+
+    Raises:
+        VerificationFailed: something does not hold; its evidence tells all.
+    """
+    return Inspector(courses, setup, machine).verify(trajectory, resolution)
+
+
+class Inspector:
+    """The courses of a job, made ready to judge trajectories by.
+
+    The courses' curves are B-splines here, so that the planner's piecewise polynomials are not their own judge.
+
+    Args:
+        courses: in the part's frame.
+        setup: the job's values.
+        machine: the gantry, with the setup's limits already in it.
+    """
+
+    def __init__(self, courses: Sequence[Course], setup: Setup, machine: Machine) -> None:
+        self.setup, self.machine = setup, machine
+        self.curves = [_Curve(path) for path in place(courses, setup)]
+        self.highest = max(float(np.max(curve.path.points[:, 2])) for curve in self.curves)
+        self.roller_radius = gantry.lengths(machine).radius
+        self.wrap_radius = self.roller_radius if setup.head.wrap_compensation else 0.0
+        self.published = setup.process.kinematics == "published"
+
+    def verify(self, trajectory: Trajectory, resolution: Floats | None = None) -> Verified:
+        """As the function `verify`."""
+        evidence = self.examine(trajectory, resolution)
+        if not evidence.passed:
+            more = len(evidence.failures) - 10
+            lines = [failure.sentence() for failure in evidence.failures[:10]]
+            lines += [f"and {more} more failure{'s' if more > 1 else ''}"] if more > 0 else []
+            raise VerificationFailed("\n".join(lines), evidence)
+        return Verified(trajectory, evidence)
+
+    def examine(self, trajectory: Trajectory, resolution: Floats | None = None) -> Evidence:
+        """Evidence on a trajectory, failures included; arguments as `verify`."""
+        digits = np.zeros(len(trajectory.axes)) if resolution is None else resolution
+        layings = _layings(trajectory, self.setup)
+        failures = [*_unstated(trajectory), *_switching(trajectory), *self._number_of_courses(layings)]
+        if any(failure.what == "unstated_axes" for failure in failures):
+            # Nothing can be measured on a program that does not say where it is.
+            layings = []
+        measured: list[tuple[Floats, ...]] = []
+        for index, (curve, laying) in enumerate(zip(self.curves, layings, strict=False)):
+            rows, found = self._course(trajectory, index, curve, laying, digits)
+            measured.append(rows)
+            failures += found
+        samples = (
+            Samples(*(np.concatenate(column) for column in zip(*measured, strict=True))) if measured else _NO_SAMPLES
+        )
+        axes, found = self._axes(trajectory, digits)
+        clearance, taken_back, links = self._links(trajectory)
+        disagreement = self._pinocchio(trajectory)
+        if not disagreement <= PINOCCHIO_AGREEMENT:
+            failures.append(Failure(0, 0, "forward_disagreement_m", disagreement, PINOCCHIO_AGREEMENT))
+        return Evidence(
+            courses=len(self.curves),
+            points=sum(len(curve.path.points) for curve in self.curves),
+            blocks=len(trajectory),
+            laid_length=sum(curve.length for curve in self.curves),
+            duration=trajectory.duration,
+            tape_taken_back=taken_back,
+            least_link_clearance=clearance,
+            forward_disagreement=disagreement,
+            axes=axes,
+            samples=samples,
+            tape_width=self.setup.tape.width_mm * MM,
+            failures=tuple([*failures, *found, *links]),
+        )
+
+    def _number_of_courses(self, layings: Sequence[_Laying]) -> list[Failure]:
+        if len(layings) == len(self.curves):
+            return []
+        return [Failure(0, 0, "courses_laid", len(layings), len(self.curves))]
+
+    def _course(
+        self, trajectory: Trajectory, index: int, curve: _Curve, laying: _Laying, digits: Floats
+    ) -> tuple[tuple[Floats, ...], list[Failure]]:
+        """Samples and failures of one course."""
+        joints, times, ends, blocks = laying.sampled(trajectory)
+        pose = self.machine.columns(joints, "roller")
+        centre = np.stack(np.broadcast_arrays(*pose.translation), axis=1)
+        heading, left, normal = (
+            np.stack(np.broadcast_arrays(*(row[i] for row in pose.rotation)), axis=1) for i in range(3)
+        )
+        axis = -left
+        fed = joints[:, trajectory.column("u")]
+        arc_lengths, wraps = curve.under_nip(fed - fed[0], normal, heading, self.wrap_radius)
+        points, normals, tangents = curve.at(arc_lengths)
+
+        square = _unit(np.cross(tangents, normals))
+        ahead = np.cross(normals, square)
+        exact = points + self.roller_radius * normals
+        offset = centre - exact
+        error = centre - self.roller_radius * normal - points if self.published else offset
+        tape = _dot(error, tangents)
+        across = _dot(axis, square)
+        tilt = np.arcsin(np.clip(_dot(axis, normals), -1.0, 1.0))
+        measured = (
+            np.full(len(joints), index),
+            arc_lengths,
+            times,
+            points,
+            _dot(error, normals),
+            _dot(error, square),
+            tape,
+            tilt,
+            np.arctan2(_dot(axis, ahead), across),
+            np.arctan2(_dot(normals, heading), _dot(normals, normal)),
+            wraps,
+            np.sqrt(_dot(offset, offset)),
+            np.isin(np.arange(len(joints)), ends),
+        )
+        return measured, self._judge(trajectory, curve, Samples(*measured), ends, blocks, fed, digits)
+
+    def _judge(
+        self,
+        trajectory: Trajectory,
+        curve: _Curve,
+        samples: Samples,
+        ends: Ints,
+        blocks: Ints,
+        fed: Floats,
+        digits: Floats,
+    ) -> list[Failure]:
+        limits = self.setup.verification
+        chosen = limits.model_fields_set
+        judged = [
+            ("position_error_mm", samples.position_errors / MM, limits.max_position_error_mm),
+            ("tape_error_mm", np.abs(samples.tape_errors) / MM, limits.max_tape_error_mm),
+        ]
+        if not self.published or "max_roller_tilt_deg" in chosen:
+            judged.append(("roller_tilt_deg", np.abs(samples.tilts) / DEG, limits.max_roller_tilt_deg))
+        if not self.published or "max_heading_error_deg" in chosen:
+            judged.append(("heading_error_deg", np.abs(samples.heading_errors) / DEG, limits.max_heading_error_deg))
+        steps = np.diff(samples.arc_lengths[ends])
+        spans = np.diff(samples.times[ends])
+        digit = 2 * float(np.max(digits[[trajectory.column(name) for name in "xyz"]]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            speeds = np.where(steps > 0, (steps - digit) / spans, 0.0) / MM
+        at_ends = np.append(0.0, speeds)
+        judged_ends = [("lay_speed_mm_per_s", at_ends, self.setup.process.lay_speed_mm_per_s * (1 + FEED_DIGITS))]
+        back = np.append(0.0, -np.diff(fed)) / MM
+        judged.append(("tape_run_back_mm", back, 0.0))
+        failures = []
+        for what, values, limit in judged:
+            failures += self._worst(trajectory, curve, samples.arc_lengths, blocks, what, values, limit)
+        for what, values, limit in judged_ends:
+            failures += self._worst(trajectory, curve, samples.arc_lengths[ends], blocks[ends], what, values, limit)
+        reach = float(samples.arc_lengths[-1])
+        if not abs(reach - curve.length) / MM <= limits.max_tape_error_mm:
+            line = int(trajectory.lines[blocks[-1]])
+            failures.append(
+                Failure(curve.path.number, curve.point(reach), "laid_length_mm", reach / MM, curve.length / MM, line)
+            )
+        return failures
+
+    def _worst(
+        self, trajectory: Trajectory, curve: _Curve, arcs: Floats, blocks: Ints, what: str, values: Floats, limit: float
+    ) -> list[Failure]:
+        """The worst place of a course where a limit is not kept, if there is one; NaN keeps no limit."""
+        if np.all(values <= limit):
+            return []
+        worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
+        line = int(trajectory.lines[blocks[worst]])
+        return [Failure(curve.path.number, curve.point(float(arcs[worst])), what, float(values[worst]), limit, line)]
+
+    def _axes(self, trajectory: Trajectory, digits: Floats) -> tuple[tuple[AxisUse, ...], list[Failure]]:
+        """Travel and speed of every axis."""
+        uses, failures = [], []
+        feeding = np.flatnonzero(np.isin(trajectory.kinds, (Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
+        begins, ends = trajectory.begins(feeding), trajectory.positions[feeding]
+        spans = trajectory.durations[feeding]
+        for column, axis in enumerate(self.machine.axes):
+            scale, unit = (1 / DEG, "deg") if axis.revolute else (1 / MM, "mm")
+            values = trajectory.positions[:, column]
+            stated = values[~np.isnan(values)]
+            inside = (stated >= axis.lower - digits[column] / 2) & (stated <= axis.upper + digits[column] / 2)
+            if not np.all(inside):
+                row = int(np.argmax(np.nan_to_num(np.maximum(axis.lower - values, values - axis.upper), nan=-np.inf)))
+                bound = axis.lower if values[row] < axis.lower else axis.upper
+                failures.append(
+                    self._at_block(trajectory, row, f"axis_{axis.name}_{unit}", values[row] * scale, bound * scale)
+                )
+            steps = np.abs(ends[:, column] - begins[:, column])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                speeds = np.where(steps > digits[column], (steps - digits[column]) / spans, 0.0)
+            top = float(np.max(speeds, initial=0.0))
+            if not top <= axis.speed * (1 + FEED_DIGITS):
+                row = int(feeding[np.argmax(np.nan_to_num(speeds, nan=np.inf))])
+                what = f"axis_{axis.name}_speed_{unit}_per_s"
+                failures.append(self._at_block(trajectory, row, what, top * scale, axis.speed * scale))
+            least, greatest = float(np.min(stated, initial=np.inf)), float(np.max(stated, initial=-np.inf))
+            uses.append(AxisUse(axis.name, axis.revolute, least, greatest, axis.lower, axis.upper, top, axis.speed))
+        return tuple(uses), failures
+
+    def _at_block(self, trajectory: Trajectory, row: int, what: str, value: float, limit: float) -> Failure:
+        index = int(trajectory.courses[row])
+        number = self.curves[index].path.number if 0 <= index < len(self.curves) else 0
+        return Failure(number, 0, what, float(value), float(limit), int(trajectory.lines[row]))
+
+    def _links(self, trajectory: Trajectory) -> tuple[float, float, list[Failure]]:
+        """Least clearance of the roller while the head goes from course to course, and the tape taken back."""
+        rapid = trajectory.kinds == Kind.RAPID
+        rows = np.flatnonzero(rapid)
+        begins, ends = trajectory.begins(rows), trajectory.positions[rows]
+        sideways = [trajectory.column(name) for name in ("x", "y", "c", "a")]
+        going = ~np.any(np.isnan(begins), axis=1) & np.any(begins[:, sideways] != ends[:, sideways], axis=1)
+        failures = []
+        clearance = np.inf
+        if np.any(going):
+            steps = np.linspace(0.0, 1.0, 9)
+            joints = begins[going][:, None] + steps[None, :, None] * (ends - begins)[going][:, None]
+            pose = self.machine.forward(joints.reshape(-1, joints.shape[2]), "roller")
+            lowest = pose[:, 2, 3] - self.roller_radius - self.setup.tape.width_mm / 2 * MM * np.abs(pose[:, 2, 1])
+            clearances = np.min(lowest.reshape(-1, len(steps)), axis=1) - self.highest
+            clearance = float(np.min(clearances))
+            if not clearance >= 0.0:
+                row = int(rows[going][np.argmin(clearances)])
+                failures.append(self._at_block(trajectory, row, "link_clearance_mm", clearance / MM, 0.0))
+        u = trajectory.positions[:, trajectory.column("u")]
+        back = float(np.max(-np.diff(u[~np.isnan(u)]), initial=0.0))
+        return clearance, back, failures
+
+    def _pinocchio(self, trajectory: Trajectory) -> float:
+        """Largest difference, in metres, between Pinocchio itself and the batch evaluator at block ends."""
+        rows = np.flatnonzero(~np.any(np.isnan(trajectory.positions), axis=1))
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), PINOCCHIO_BLOCKS)).astype(np.int64))]
+        if not len(rows):
+            return 0.0
+        joints = trajectory.positions[rows]
+        difference = self.machine.forward_pinocchio(joints, "roller") - self.machine.forward(joints, "roller")
+        return float(np.max(np.abs(difference)))
+
+
+@dataclass(frozen=True)
+class _Laying:
+    """From the shoe's touch to its lift: the time it begins and ends, in seconds from the program's start."""
+
+    begin: float
+    end: float
+    first: int
+    last: int
+
+    def sampled(self, trajectory: Trajectory) -> tuple[Floats, Floats, Ints, Ints]:
+        """Joint values (m, k) and times (m,) along the laying, which of them end a block, and the blocks (m,)."""
+        rows = np.arange(self.first, self.last)
+        rows = rows[trajectory.durations[rows] > 0.0]
+        ends = trajectory.times[rows]
+        begins = ends - trajectory.durations[rows]
+        rows, begins, ends = (part[(ends > self.begin) & (begins < self.end)] for part in (rows, begins, ends))
+        from_, to = np.maximum(begins, self.begin), np.minimum(ends, self.end)
+        distance = np.abs(
+            trajectory.positions[rows, trajectory.column("u")] - trajectory.begins(rows)[:, trajectory.column("u")]
+        )
+        counts = np.maximum(LEAST_SAMPLES, np.ceil(distance / SAMPLE_STEP).astype(np.int64))
+        blocks = np.repeat(rows, counts)
+        step = np.arange(len(blocks)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
+        span = np.repeat(to - from_, counts)
+        times = np.repeat(from_, counts) + span * step / np.repeat(counts, counts)
+        times[np.cumsum(counts) - 1] = to
+        fractions = np.clip((times - np.repeat(begins, counts)) / np.repeat(ends - begins, counts), 0.0, 1.0)
+        start = trajectory.within(rows[:1], (from_[:1] - begins[:1]) / (ends[:1] - begins[:1]))
+        joints = np.vstack([start, trajectory.within(blocks, fractions)])
+        return joints, np.append(from_[0], times), np.append(0, np.cumsum(counts)), np.append(rows[0], blocks)
+
+
+def _layings(trajectory: Trajectory, setup: Setup) -> list[_Laying]:
+    """Every stretch with the shoe down, by when its words take effect."""
+    delay = setup.head.delays_ms.shoe * 1e-3
+    down = np.flatnonzero(trajectory.events == Event.SHOE_DOWN)
+    up = np.flatnonzero(trajectory.events == Event.SHOE_UP)
+    layings = []
+    for start in down:
+        later = up[up > start]
+        if not len(later):
+            break
+        begin, end = trajectory.times[start] + delay, trajectory.times[later[0]] + delay
+        first, last = np.searchsorted(trajectory.times, begin, side="right"), np.searchsorted(trajectory.times, end)
+        if end > begin:
+            layings.append(_Laying(float(begin), float(end), int(first), int(last) + 1))
+    return layings
+
+
+def _unstated(trajectory: Trajectory) -> list[Failure]:
+    """Blocks that move by feed before every axis has been stated."""
+    lost = np.any(np.isnan(trajectory.positions), axis=1) & (trajectory.kinds != Kind.RAPID)
+    if not np.any(lost):
+        return []
+    row = int(np.argmax(lost))
+    count = int(np.sum(np.isnan(trajectory.positions[row])))
+    return [Failure(0, 0, "unstated_axes", count, 0, int(trajectory.lines[row]))]
+
+
+def _switching(trajectory: Trajectory) -> list[Failure]:
+    """Switches that are put on twice, off twice or left on, and rapids while one is on."""
+    failures = []
+    for name, on, off in SWITCHES:
+        rows = np.flatnonzero((trajectory.events == on) | (trajectory.events == off))
+        states = np.where(trajectory.events[rows] == on, 1, 0)
+        wrong = np.flatnonzero(states != (np.arange(len(rows)) + 1) % 2)
+        if len(wrong):
+            row = int(rows[wrong[0]])
+            failures.append(Failure(0, 0, f"{name}_switched_again", 1, 0, int(trajectory.lines[row])))
+        elif len(rows) % 2:
+            failures.append(Failure(0, 0, f"{name}_left_on", 1, 0, int(trajectory.lines[rows[-1]])))
+        changes = np.zeros(len(trajectory), np.int64)
+        changes[rows] = np.where(states == 1, 1, -1)
+        rapid_on = (np.cumsum(changes) > 0) & (trajectory.kinds == Kind.RAPID)
+        if np.any(rapid_on):
+            row = int(np.argmax(rapid_on))
+            failures.append(Failure(0, 0, f"rapid_with_{name}_on", 1, 0, int(trajectory.lines[row])))
+    return failures
+
+
+class _Curve:
+    """A course's curve as a B-spline: not-a-knot over arc length, 2 points a line, 3 a parabola."""
+
+    def __init__(self, path: Toolpath) -> None:
+        self.path = path
+        self.knots = path.arc_lengths - path.arc_lengths[0]
+        self.length = float(self.knots[-1])
+        degree = min(3, len(self.knots) - 1)
+        self._points = make_interp_spline(self.knots, path.points, degree)
+        self._normals = make_interp_spline(self.knots, path.normals, degree)
+        self._slopes = self._points.derivative()
+
+    def at(self, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
+        """Points, unit normals and unit tangents, (n, 3) each, at (n,) arc lengths in metres."""
+        return self._points(arc_lengths), _unit(self._normals(arc_lengths)), _unit(self._slopes(arc_lengths))
+
+    def under_nip(self, fed: Floats, normals: Floats, headings: Floats, radius: float) -> tuple[Floats, Floats]:
+        """Arc length (n,) at the nip by the tape fed since the course's start, and the nip's angle (n,) on the roller.
+
+        The tape fed is u = s - R beta(s) beside a constant, and beta is measured between the head and the course's
+        tangent at s: solved for s by secants.
+
+        Args:
+            fed: (n,) metres.
+            normals: (n, 3) head normals, unit.
+            headings: (n, 3) headings, unit.
+            radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
+        """
+
+        def wrap(arc_lengths: Floats) -> Floats:
+            slopes = self._slopes(arc_lengths)
+            angles: Floats = np.arctan2(_dot(slopes, normals), _dot(slopes, headings))
+            return angles
+
+        arc_lengths = fed.copy()
+        wraps = wrap(arc_lengths)
+        if radius == 0.0:
+            return arc_lengths, wraps
+        start = float(np.arctan2(self._slopes(0.0) @ normals[0], self._slopes(0.0) @ headings[0]))
+        before, residual_before = arc_lengths, radius * (start - wraps)
+        arc_lengths = arc_lengths - residual_before
+        for _ in range(50):
+            wraps = wrap(arc_lengths)
+            residual = arc_lengths - fed - radius * (wraps - start)
+            if np.all(np.abs(residual) <= STATION_ACCURACY):
+                return arc_lengths, wraps
+            change = residual - residual_before
+            slope = np.where(change != 0.0, (arc_lengths - before) / np.where(change != 0.0, change, 1.0), 1.0)
+            before, residual_before = arc_lengths, residual
+            arc_lengths = arc_lengths - residual * np.clip(slope, 0.1, 10.0)
+        arc_lengths = np.where(np.abs(residual) <= STATION_ACCURACY, arc_lengths, np.nan)
+        return arc_lengths, wraps
+
+    def point(self, arc_length: float) -> int:
+        """Number (from 1) of the file's point nearest to an arc length in metres; 0 for NaN."""
+        return 0 if np.isnan(arc_length) else int(np.argmin(np.abs(self.knots - arc_length))) + 1
+
+
+_NO_SAMPLES = Samples(
+    np.zeros(0, np.int64),
+    np.zeros(0),
+    np.zeros(0),
+    np.zeros((0, 3)),
+    *(np.zeros(0) for _ in range(8)),
+    np.zeros(0, np.bool_),
+)
+
+
+def _dot(left: Floats, right: Floats) -> Floats:
+    products: Floats = np.einsum("ij,ij->i", left, right)
+    return products
+
+
+def _unit(vectors: Floats) -> Floats:
+    return vectors / np.sqrt(_dot(vectors, vectors))[:, None]
