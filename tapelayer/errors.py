@@ -168,6 +168,10 @@ class CourseLongerThanRoll(CoursesRefused):
     """A course needs more tape than a new roll holds."""
 
 
+class NotWritable(TapelayerError):
+    """A trajectory cannot be said in a control's words."""
+
+
 class VerificationFailed(TapelayerError):
     """A finished program or trajectory failed verification; `evidence` holds every number and failure."""
 

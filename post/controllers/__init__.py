@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
@@ -80,7 +81,7 @@ class Blocks(_Table):
 
     number_step: Annotated[int, Field(ge=0)]
     number_maximum: Annotated[int, Field(ge=1, le=999999999)]
-    max_line: Annotated[int, Field(ge=20)]
+    max_line: Annotated[int, Field(ge=90)]
     comment: Literal["(", ";"]
     first_line: str
     last_line: str
@@ -269,6 +270,15 @@ class Controller(_Table):
         if faults:
             raise ControllerRefused(f"controller {self.name}", faults)
         return tuple(found)
+
+    def resolution(self, joint: str) -> float:
+        """Last written digit of a joint, in metres or radians.
+
+        Raises:
+            ControllerRefused: the joint has no address.
+        """
+        ((axis, _),) = self.addressed((joint,))
+        return (1e-3 if axis.unit == "mm" else math.pi / 180.0) * 10.0**-axis.decimals
 
     def event_words(self) -> dict[Event, str]:
         """Words of each event that the control knows."""

@@ -1,0 +1,413 @@
+"""Program: a verified trajectory as NC text for one control; a pure function of its arguments."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from post.controllers import AxisWord, Controller
+from post.words import Cells, join, literals, rounded, words
+from tapelayer.arrays import Floats, Ints, Mask
+from tapelayer.errors import NotWritable
+from tapelayer.provenance import Provenance
+from tapelayer.trajectory import MOTIONS, Event, Kind, Trajectory
+
+if TYPE_CHECKING:
+    from tapelayer.verification import Verified
+
+# The joint that feeds the tape, which some controls set to zero at each course.
+TAPE = "u"
+# A feed below the six digits that these decimals leave it belongs to a motion that is a dwell by any measure.
+FEED_DECIMALS = 9
+# Rows made into text at once: their cells stay in the cache.
+CHUNK = 1 << 14
+
+_COMMENT_MARK = b"\x01"
+_NOT_IN_COMMENTS = re.compile(r"[^ -~]|[()%;]")
+
+
+def write(verified: Verified, controller: Controller, provenance: Provenance) -> bytes:
+    """NC text of a verified trajectory.
+
+    Axis words are written where their rounded text changes or where the trajectory states the axis, and for every axis
+    at the first motion that knows it. The feed word is computed from the rounded end points. A motion in which no
+    rounded word changes is written as a dwell of its duration; where that rounds to nothing, the block is dropped and
+    its time is added to the next block if that is a straight motion, or else collected into one dwell.
+
+    Args:
+        verified: what `verify` passed; the joint values of an axis may be NaN until it is first stated.
+        controller: the control's table.
+        provenance: what the header says about the program's sources.
+
+    Raises:
+        NotWritable: the control lacks a word for an event, a number is beyond what it takes, a line would be too long,
+            or the blocks contradict themselves.
+        ControllerRefused: the control has no address for one of the machine's axes.
+    """
+    trajectory = verified.trajectory
+    if not len(trajectory):
+        raise NotWritable("the trajectory has no blocks, so there is no program to write")
+    columns = [_column(axis, trajectory, index) for axis, index in controller.addressed(trajectory.axes)]
+    durations, pauses = _times(trajectory, columns, 10**controller.codes.dwell_decimals)
+    feeds = _feeds(trajectory.kinds, durations, columns, controller)
+    starts = _starts(trajectory.courses)
+    if controller.u_reset == "course":
+        columns = [_reset(column, starts) if TAPE in column.axis.joints else column for column in columns]
+    for column in columns:
+        column.check(controller.max_word)
+    rows = _rows(trajectory, columns, pauses, feeds, starts, controller)
+    head = _head(controller, provenance)
+    last = f"{controller.blocks.last_line}\n" if controller.blocks.last_line else ""
+    courses = [_course_comment(trajectory.courses, block, controller) for block in starts.tolist()]
+    return b"".join([head, *_body(rows, columns, controller, courses), last.encode("ascii")])
+
+
+@dataclass(frozen=True, eq=False)
+class _Column:
+    """An axis's words.
+
+    Attributes:
+        axis: the axis word.
+        joint: the joint behind it.
+        numbers: (n,) what is written, in units of the last decimal, 0 where unknown.
+        steps: (n,) change from the block before in the same units, 0 where that is unknown.
+        written: (n,) where the word stands.
+    """
+
+    axis: AxisWord
+    joint: str
+    numbers: Ints
+    steps: Ints
+    written: Mask
+
+    def check(self, limit: float) -> None:
+        """Refuse words beyond the largest magnitude, in written units."""
+        beyond = self.written & (np.abs(self.numbers) > limit * 10**self.axis.decimals)
+        if beyond.any():
+            block = int(np.argmax(beyond))
+            value = self.numbers[block] / 10**self.axis.decimals
+            largest = f"{limit:.{self.axis.decimals}f}"
+            raise NotWritable(
+                f"block {block}: axis {self.joint} would be at {value:.3f} {self.axis.unit}, beyond the largest word "
+                f"of this control, {largest}; choose a control with longer words, or one that resets the tape's axis"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Numbered rows of the program, in order: blocks of the trajectory, and fixed texts.
+
+    Attributes:
+        blocks: (m,) block that a row writes, -1 for a fixed text.
+        codes: (m,) index into `texts`.
+        texts: G and M words and fixed texts, with their leading space; the first is empty.
+        pauses: (m,) dwell time in units of its last decimal, 0 where there is none.
+        feeds: (m,) feed in units of its last decimal, 0 where none is written.
+        feed_decimals: (m,) decimals of each feed.
+        comments: rows in front of which a course's comment stands, in order.
+    """
+
+    blocks: Ints
+    codes: Ints
+    texts: tuple[bytes, ...]
+    pauses: Ints
+    feeds: Ints
+    feed_decimals: Ints
+    comments: Ints
+
+
+def _column(axis: AxisWord, trajectory: Trajectory, index: int) -> _Column:
+    """Words of one axis; `index` is its column in the trajectory."""
+    joint = trajectory.axes[index]
+    moving = np.isin(trajectory.kinds, MOTIONS)
+    stated = (trajectory.stated >> np.uint16(index)) & np.uint16(1) > 0
+    values = np.empty(len(trajectory) + 1)
+    values[0] = trajectory.start[index]
+    values[1:] = trajectory.positions[:, index]
+    unknown = np.isnan(values)
+    known_from = int(np.argmin(unknown)) if not unknown.all() else len(values)
+    if unknown[known_from:].any():
+        block = known_from + int(np.argmax(unknown[known_from:])) - 1
+        raise NotWritable(f"block {block}: the position of axis {joint} is not a number, though it was known before")
+    unstated = unknown[1:] & ((moving & (trajectory.kinds != Kind.RAPID)) | (moving & stated))
+    if unstated.any():
+        raise NotWritable(f"block {int(np.argmax(unstated))}: axis {joint} is used before a rapid has stated it")
+    values[:known_from] = 0.0
+    values *= 1e3 if axis.unit == "mm" else 180.0 / np.pi
+    try:
+        numbers = rounded(values, axis.decimals)
+    except ValueError as error:
+        raise NotWritable(f"axis {joint}: {error}") from None
+    steps = np.diff(numbers)
+    if 0 < known_from < len(values):
+        steps[known_from - 1] = 0
+    written = steps != 0
+    if np.any(written & ~moving):
+        raise NotWritable(
+            f"block {int(np.argmax(written & ~moving))}: axis {joint} changes in a block that is no motion"
+        )
+    written |= stated & moving
+    # Nothing is stated until the text has stated it, whatever the trajectory says of its start.
+    written[np.flatnonzero(moving & ~unknown[1:])[:1]] = True
+    return _Column(axis, joint, numbers[1:], steps, written)
+
+
+def _times(trajectory: Trajectory, columns: Sequence[_Column], units: int) -> tuple[Floats, Ints]:
+    """Durations (n,) of straight blocks in seconds with those of dropped blocks added, and dwells (n,) in units."""
+    moving = np.isin(trajectory.kinds, MOTIONS)
+    written = np.zeros(len(trajectory), dtype=bool)
+    moved = np.zeros(len(trajectory), dtype=bool)
+    for column in columns:
+        written |= column.written
+        moved |= column.steps != 0
+    still = written & ~moved & moving & (trajectory.kinds != Kind.RAPID)
+    if still.any():
+        raise NotWritable(
+            f"block {int(np.argmax(still))}: states axes without moving one; only a rapid can, at no feed"
+        )
+    bare = moving & ~written
+    waits = bare | (trajectory.kinds == Kind.DWELL)
+    pauses = np.zeros(len(trajectory), dtype=np.int64)
+    pauses[waits] = rounded(trajectory.durations[waits] * units, 0)
+    durations = trajectory.durations
+    dropped = np.flatnonzero(bare & (pauses == 0) & (durations > 0))
+    if not len(dropped):
+        return durations, pauses
+    # Dropped blocks in a row share their fate: runs end where the next block is kept.
+    ends = np.flatnonzero(np.append(np.diff(dropped) > 1, True))
+    totals = np.diff(np.cumsum(durations[dropped])[ends], prepend=0.0)
+    following = dropped[ends] + 1
+    straight = moved & (trajectory.kinds != Kind.RAPID)
+    taken = (following < len(trajectory)) & straight[np.minimum(following, len(trajectory) - 1)]
+    durations = durations.copy()
+    durations[following[taken]] += totals[taken]
+    pauses[following[~taken] - 1] = rounded(totals[~taken] * units, 0)
+    return durations, pauses
+
+
+def _feeds(kinds: np.ndarray, durations: Floats, columns: Sequence[_Column], controller: Controller) -> Floats:
+    """Feed (n,) of each straight block that moves, by the control's rule; 0 elsewhere."""
+    straight = np.flatnonzero((kinds == Kind.LINEAR) & np.logical_or.reduce([column.steps != 0 for column in columns]))
+    minutes = durations[straight] / 60.0
+    if not np.all(minutes > 0.0):
+        raise NotWritable(f"block {straight[~(minutes > 0.0)][0]}: moves in no time, so it has no feed")
+    feeds = np.zeros(len(kinds))
+    if controller.feed.mode == "inverse_time":
+        feeds[straight] = 1.0 / minutes
+        return feeds
+    changes = {column.axis.address: np.abs(column.steps[straight]) / 10.0**column.axis.decimals for column in columns}
+    if controller.feed.otherwise == "largest":
+        length = np.maximum.reduce(list(changes.values()))
+    else:
+        length = _norm(list(changes.values()))
+    for group in reversed(controller.feed.path):
+        along = _norm([changes[address] for address in group if address in changes])
+        length = np.where(along > 0.0, along, length)
+    feeds[straight] = length / minutes
+    return feeds
+
+
+def _norm(changes: Sequence[Floats]) -> Floats:
+    total = np.zeros(len(changes[0]) if changes else 1)
+    for change in changes:
+        total = total + change * change
+    return np.sqrt(total)
+
+
+def _starts(courses: np.ndarray) -> Ints:
+    """Blocks at which a course begins."""
+    before = np.concatenate([[-1], courses[:-1]])
+    return np.flatnonzero((courses != before) & (courses >= 0))
+
+
+def _reset(column: _Column, starts: Ints) -> _Column:
+    """Words of the tape's axis counted from each course's start."""
+    zeros = np.where(starts > 0, column.numbers[starts - 1], 0)
+    epochs = np.cumsum(np.bincount(starts, minlength=len(column.numbers)))
+    return replace(column, numbers=column.numbers - np.concatenate([[0], zeros])[epochs])
+
+
+def _rows(
+    trajectory: Trajectory,
+    columns: Sequence[_Column],
+    pauses: Ints,
+    feeds: Floats,
+    starts: Ints,
+    controller: Controller,
+) -> _Rows:
+    """Rows of the program: what is kept of the blocks, with modal G and feed words, and the fixed texts between."""
+    kinds = trajectory.kinds
+    written = np.logical_or.reduce([column.written for column in columns])
+    switching = kinds == Kind.SWITCH
+    kept = np.flatnonzero(written | (pauses > 0) | switching)
+    epochs = np.cumsum(np.bincount(starts, minlength=len(kinds)))[kept]
+    codes = controller.codes
+    texts = ["", codes.rapid, codes.linear, codes.dwell]
+    rapid, linear, dwell = 1, 2, 3
+    motions = np.flatnonzero(written[kept])
+    code = np.zeros(len(kept), dtype=np.int64)
+    code[motions] = np.where(kinds[kept[motions]] == Kind.RAPID, rapid, linear)
+    code[motions[_same(epochs[motions], code[motions])]] = 0
+    code[pauses[kept] > 0] = dwell
+    events = controller.event_words()
+    for event in np.unique(trajectory.events[switching]).tolist():
+        if Event(event) not in events:
+            block = int(np.argmax(switching & (trajectory.events == event)))
+            raise NotWritable(
+                f"block {block}: controller {controller.name} has no word for {Event(event).name.lower()}; "
+                "add it to the table's events"
+            )
+        code[switching[kept] & (trajectory.events[kept] == event)] = len(texts)
+        texts.append(events[Event(event)])
+    feed, decimals = _feed_digits(feeds[kept], controller.feed.digits)
+    moving = np.flatnonzero(feed > 0)
+    if controller.feed.modal:
+        repeated = moving[_same(epochs[moving], feed[moving], decimals[moving])]
+        feed[repeated] = 0
+    before: list[int] = []
+    inserted: list[int] = []
+
+    def insert(at: int, fixed: Sequence[str]) -> None:
+        for text in fixed:
+            if text not in texts:
+                texts.append(text)
+            before.append(at)
+            inserted.append(texts.index(text))
+
+    comments = []
+    insert(0, controller.blocks.preamble)
+    if len(starts) == 0 or starts[0] > 0:
+        insert(0, controller.blocks.restated)
+    tape = next((column for column in columns if TAPE in column.axis.joints), None)
+    for start in starts.tolist():
+        at = int(np.searchsorted(kept, start))
+        comments.append(at + len(before))
+        insert(at, controller.blocks.restated)
+        if controller.u_reset == "course" and tape is not None and tape.written[:start].any():
+            insert(at, [f"{codes.set_position} {tape.axis.address}0"])
+    insert(len(kept), controller.blocks.end[:1])
+    return _Rows(
+        blocks=np.insert(kept, before, -1),
+        codes=np.insert(code, before, inserted),
+        texts=tuple(f" {text}".encode("ascii") if text else b"" for text in texts),
+        pauses=np.insert(pauses[kept], before, 0),
+        feeds=np.insert(feed, before, 0),
+        feed_decimals=np.insert(decimals, before, 0),
+        comments=np.array(comments, dtype=np.int64),
+    )
+
+
+def _same(*keys: np.ndarray) -> Mask:
+    """Where all keys are those of the row before."""
+    same = np.zeros(len(keys[0]), dtype=bool)
+    same[1:] = np.logical_and.reduce([key[1:] == key[:-1] for key in keys])
+    return same
+
+
+def _feed_digits(feeds: Floats, digits: int) -> tuple[Ints, Ints]:
+    """Feeds as integers with the number of their decimals, so that each has at least that many significant digits."""
+    written = feeds > 0.0
+    magnitudes = np.floor(np.log10(feeds, where=written, out=np.zeros(len(feeds)))).astype(np.int64)
+    decimals = np.where(written, np.maximum(digits - 1 - magnitudes, 0), 0)
+    if decimals.max(initial=0) > FEED_DECIMALS:
+        raise NotWritable(
+            f"a block has a feed of {feeds[written].min():.3g} per minute; make its standing time a dwell of its own"
+        )
+    numbers = np.zeros(len(feeds), dtype=np.int64)
+    for count in np.unique(decimals[written]).tolist():
+        at = np.flatnonzero(written & (decimals == count))
+        numbers[at] = rounded(feeds[at], count)
+    return numbers, decimals
+
+
+def _body(
+    rows: _Rows, columns: Sequence[_Column], controller: Controller, comments: Sequence[bytes]
+) -> Iterator[bytes]:
+    """Text of the rows with the courses' comments in their places, piece by piece."""
+    remaining = iter(comments)
+    for first in range(0, len(rows.blocks), CHUNK):
+        page = slice(first, min(first + CHUNK, len(rows.blocks)))
+        cells = _page(rows, page, columns, controller)
+        text = join(page.stop - page.start, cells)
+        longest = controller.blocks.max_line
+        # The cells bound the length of a line; only where the bound is too long are the lines measured.
+        if 4 * sum(len(word) for _, word in cells) > longest:
+            ends = np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord("\n"))
+            length = int(np.diff(ends, prepend=-1).max()) - 1
+            if length > longest:
+                raise NotWritable(
+                    f"a line would have {length} characters, controller {controller.name} takes {longest}; "
+                    "write fewer decimals or no N words"
+                )
+        if not controller.blocks.number_step:
+            text = text.replace(b"\n ", b"\n").replace(_COMMENT_MARK + b" ", _COMMENT_MARK).removeprefix(b" ")
+        pieces = text.split(_COMMENT_MARK)
+        yield pieces[0]
+        for piece in pieces[1:]:
+            yield next(remaining)
+            yield piece
+
+
+def _page(
+    rows: _Rows, page: slice, columns: Sequence[_Column], controller: Controller
+) -> list[tuple[Ints | None, Cells]]:
+    """Cells of a slice of the rows."""
+    blocks = rows.blocks[page]
+    present = blocks >= 0
+    cells: list[tuple[Ints | None, Cells]] = []
+    low, high = np.searchsorted(rows.comments, [page.start, page.stop])
+    if low < high:
+        cells.append((rows.comments[low:high] - page.start, literals([_COMMENT_MARK])))
+    if step := controller.blocks.number_step:
+        numbers = step * (1 + np.arange(page.start, page.stop) % (controller.blocks.number_maximum // step))
+        cells.append((None, words(b"N", numbers, 0)))
+    cells.append((None, tuple(cell[rows.codes[page]] for cell in literals(rows.texts))))
+    for column in columns:
+        at = np.flatnonzero(column.written[blocks] & present)
+        if len(at):
+            address = f" {column.axis.address}".encode("ascii")
+            cells.append((at, words(address, column.numbers[blocks[at]], column.axis.decimals)))
+    at = np.flatnonzero(rows.pauses[page])
+    if len(at):
+        address = f" {controller.codes.dwell_address}".encode("ascii")
+        cells.append((at, words(address, rows.pauses[page][at], controller.codes.dwell_decimals)))
+    feeds, decimals = rows.feeds[page], rows.feed_decimals[page]
+    for digits in np.unique(decimals[feeds > 0]).tolist():
+        at = np.flatnonzero((feeds > 0) & (decimals == digits))
+        cells.append((at, words(f" {controller.feed.address}".encode("ascii"), feeds[at], digits)))
+    cells.append((None, literals([b"\n"])))
+    return cells
+
+
+def _head(controller: Controller, provenance: Provenance) -> bytes:
+    """What stands before the first block: what the program was made from, and the units it speaks."""
+    per = "1/min" if controller.feed.mode == "inverse_time" else "mm/min"
+    lines = [
+        f"tapelayer {provenance.version}",
+        f"source: {provenance.source}",
+        f"source sha256: {provenance.source_sha256}",
+        f"setup sha256: {provenance.setup_sha256}",
+        f"controller: {controller.name}",
+        f"units: mm, deg, s, feed in {per}",
+        *(f"note: {note}" for note in provenance.notes),
+    ]
+    first = f"{controller.blocks.first_line}\n" if controller.blocks.first_line else ""
+    return first.encode("ascii") + b"".join(_comment(line, controller) for line in lines)
+
+
+def _course_comment(courses: np.ndarray, block: int, controller: Controller) -> bytes:
+    return _comment(f"course {courses[block] + 1} of {courses.max() + 1}", controller)
+
+
+def _comment(text: str, controller: Controller) -> bytes:
+    """Comment line; whatever could end the comment, or is no printable ASCII, becomes an underscore."""
+    safe = _NOT_IN_COMMENTS.sub("_", text)
+    if controller.blocks.comment == "(":
+        line = f"({safe[: controller.blocks.max_line - 2]})"
+    else:
+        line = f"; {safe[: controller.blocks.max_line - 2]}"
+    return f"{line}\n".encode("ascii")
