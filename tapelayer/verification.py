@@ -316,10 +316,11 @@ class _Laying:
     def sampled(self, trajectory: Trajectory) -> tuple[Floats, Floats, Ints, Ints]:
         """Joint values (m, k) and times (m,) along the laying, which of them end a block, and the blocks (m,)."""
         rows = np.arange(self.first, self.last)
-        rows = rows[trajectory.durations[rows] > 0.0]
         ends = trajectory.times[rows]
         begins = ends - trajectory.durations[rows]
-        rows, begins, ends = (part[(ends > self.begin) & (begins < self.end)] for part in (rows, begins, ends))
+        # A block shorter than the clock can tell is not on the way; a move in it fails for its speed.
+        timed = (ends > begins) & (ends > self.begin) & (begins < self.end)
+        rows, begins, ends = rows[timed], begins[timed], ends[timed]
         from_, to = np.maximum(begins, self.begin), np.minimum(ends, self.end)
         distance = np.abs(
             trajectory.positions[rows, trajectory.column("u")] - trajectory.begins(rows)[:, trajectory.column("u")]
