@@ -1,0 +1,75 @@
+"""The rooms import one way, and nothing is imported inside a function."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FILES = sorted(path for package in ("tapelayer", "post", "urdf") for path in (ROOT / package).rglob("*.py"))
+OURS = ("tapelayer", "post", "urdf")
+# These stand on top of both packages: no other module of `tapelayer` may know `post`.
+ABOVE_POST = {"tapelayer.job", "tapelayer.cli", "tapelayer.spray_job"}
+
+
+def name_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {name_of(path): path for path in FILES}
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Our modules that a file imports."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        for name in names:
+            while name and name not in MODULES:
+                name = name.rpartition(".")[0]
+            if name.split(".")[0] in OURS:
+                yield name
+
+
+GRAPH = {name: sorted(set(imported(path)) - {name}) for name, path in MODULES.items()}
+
+
+def test_there_is_no_cycle() -> None:
+    done: set[str] = set()
+
+    def walk(name: str, way: tuple[str, ...]) -> None:
+        assert name not in way, " -> ".join([*way, name])
+        if name not in done:
+            for other in GRAPH[name]:
+                walk(other, (*way, name))
+            done.add(name)
+
+    for name in GRAPH:
+        walk(name, ())
+
+
+def test_the_library_never_imports_post() -> None:
+    for name, others in GRAPH.items():
+        if name.startswith("tapelayer.") and name not in ABOVE_POST:
+            assert not [other for other in others if other.split(".")[0] == "post"], name
+
+
+def test_nobody_knows_the_command_line() -> None:
+    assert not [name for name, others in GRAPH.items() if "tapelayer.cli" in others]
+
+
+@pytest.mark.parametrize("path", FILES, ids=name_of)
+def test_imports_stand_at_the_top(path: Path) -> None:
+    tree = ast.parse(path.read_text())
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+            inner = [node for node in ast.walk(function) if isinstance(node, ast.Import | ast.ImportFrom)]
+            assert not inner, f"{path.name}:{inner[0].lineno}"

@@ -1,0 +1,83 @@
+"""Files appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+
+import pytest
+
+from tapelayer.errors import TargetNotWritable
+from tapelayer.output import write_files
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_files_are_written_whole(tmp_path: Path) -> None:
+    write_files({tmp_path / "a.nc": b"%\n", tmp_path / "b.json": b"{}"})
+    assert (tmp_path / "a.nc").read_bytes() == b"%\n"
+    assert names(tmp_path) == {"a.nc", "b.json"}
+
+
+def test_permissions_are_those_of_the_old_file_or_of_a_new_one(tmp_path: Path) -> None:
+    old, new, plain = tmp_path / "old", tmp_path / "new", tmp_path / "plain"
+    old.write_bytes(b"1")
+    old.chmod(0o640)
+    plain.write_bytes(b"")
+    write_files({old: b"2", new: b"3"})
+    assert old.stat().st_mode & 0o777 == 0o640
+    assert new.stat().st_mode == plain.stat().st_mode
+
+
+def test_one_bad_target_leaves_every_file_untouched(tmp_path: Path) -> None:
+    good = tmp_path / "good.nc"
+    good.write_bytes(b"old")
+    for bad, reason in ((tmp_path / "none" / "x.nc", "no such file or directory"), (tmp_path, "is a directory")):
+        with pytest.raises(TargetNotWritable) as caught:
+            write_files({good: b"new", bad: b"new"})
+        assert str(caught.value) == f"{bad}: cannot be written: {reason}; nothing was changed, choose another target"
+        assert good.read_bytes() == b"old"
+        assert names(tmp_path) == {"good.nc"}
+
+
+def test_a_failing_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = tmp_path / "a.nc"
+    target.write_bytes(b"old")
+
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(TargetNotWritable, match="no space left on device"):
+        write_files({target: b"new"})
+    assert target.read_bytes() == b"old"
+    assert names(tmp_path) == {"a.nc"}
+
+
+def test_an_interrupt_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = tmp_path / "a.nc"
+    target.write_bytes(b"old")
+
+    def interrupted(handle: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_files({target: b"new"})
+    assert target.read_bytes() == b"old"
+    assert names(tmp_path) == {"a.nc"}
+
+
+def test_two_writers_do_not_mix(tmp_path: Path) -> None:
+    target = tmp_path / "a.nc"
+    contents = [bytes([65 + i]) * 200_000 for i in range(4)]
+    threads = [threading.Thread(target=write_files, args=({target: data},)) for data in contents for _ in range(5)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert target.read_bytes() in contents
+    assert names(tmp_path) == {"a.nc"}
