@@ -255,15 +255,10 @@ def _check_family(machine: Machine, found: Lengths) -> None:
 
 def _forward(found: Lengths, reach: float, pose: Floats) -> Floats:
     """Poses (n, 4, 4) of the frame `reach` metres from the a axis by eq. (3), columns heading, left, head normal."""
-    sin4, cos4, sin5, cos5 = _sines(pose)
-    level = np.zeros(len(pose))
-    heading = np.column_stack([sin4, cos4, level])
-    left = np.column_stack([-cos4 * cos5, sin4 * cos5, -sin5])
+    heading = np.column_stack([np.sin(pose[:, 3]), np.cos(pose[:, 3]), np.zeros(len(pose))])
     poses = np.tile(np.eye(4), (len(pose), 1, 1))
-    poses[:, :3, :3] = np.stack([heading, left, normals(pose)], axis=2)
-    poses[:, 0, 3] = pose[:, 0] - found.l5 * sin4 + reach * cos4 * sin5
-    poses[:, 1, 3] = -pose[:, 1] - found.l5 * cos4 - reach * sin4 * sin5
-    poses[:, 2, 3] = -pose[:, 2] - found.l4 - reach * cos5
+    poses[:, :3, :3] = np.stack([heading, -roller_axes(pose), normals(pose)], axis=2)
+    poses[:, :3, 3] = tool_points(found, reach, pose)
     return poses
 
 

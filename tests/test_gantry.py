@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pinocchio
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -21,6 +22,7 @@ MACHINE = Machine.load()
 LENGTHS = Lengths(l4=0.35, l5=0.06, l6=0.45, radius=0.04)
 BARE = Lengths(l4=0.35, l5=0.06, l6=0.45, radius=0.0)
 
+BODY = pinocchio.FrameType.BODY
 ROUND = np.radians([0.0, 30.0, -30.0, 45.0, -45.0, 60.0, -60.0]).tolist()
 HEADINGS = np.radians([0.0, 30.0, -30.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0, -180.0]).tolist()
 heading = st.one_of(st.sampled_from(HEADINGS), st.floats(-np.pi, np.pi))
@@ -123,6 +125,28 @@ def test_normals_wrap_and_slides_are_those_of_pinocchio(c: float, a: float, t: t
     moved = pose.copy()
     moved[0, :3] += gantry.slides(direction[0])
     np.testing.assert_allclose(reached(moved, "contact")[0, :3, 3] - contact[:3, 3], direction[0], rtol=0, atol=1e-12)
+
+
+@given(d1=slide, d2=slide, d3=slide, c=heading, a=roll, changes=st.tuples(*[component] * 5))
+@pytest.mark.parametrize(("frame", "reach"), [("contact", LENGTHS.l6), ("roller", LENGTHS.l6 - LENGTHS.radius)])
+def test_tool_points_roller_axes_and_their_changes_are_those_of_pinocchio(
+    frame: str, reach: float, d1: float, d2: float, d3: float, c: float, a: float, changes: tuple[float, ...]
+) -> None:
+    pose, change = rows(d1, d2, d3, c, a), rows(*changes)
+    seen = reached(pose, frame)[0]
+    np.testing.assert_allclose(gantry.tool_points(LENGTHS, reach, pose)[0], seen[:3, 3], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(gantry.roller_axes(pose)[0], -seen[:3, 1], rtol=0, atol=1e-12)
+    model = MACHINE.model
+    q, speed = np.zeros(model.nq), np.zeros(model.nv)
+    for name, value, rate in zip(POSE, pose[0], change[0], strict=True):
+        q[model.idx_qs[model.getJointId(name)]] = value
+        speed[model.idx_vs[model.getJointId(name)]] = rate
+    aligned = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    jacobian = pinocchio.computeFrameJacobian(model, model.createData(), q, model.getFrameId(frame, BODY), aligned)
+    twist = jacobian @ speed
+    moved, turned = gantry.tool_effects(LENGTHS, reach, pose, change)
+    np.testing.assert_allclose(moved[0], twist[:3], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(turned[0], np.cross(twist[3:], -seen[:3, 1]), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
