@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 SHOWN_FAULTS = 20
 
@@ -57,6 +57,11 @@ class InputRefused(TapelayerError):
         self.name = name
         self.faults = tuple(faults)
         super().__init__(self._text())
+
+    @classmethod
+    def unreadable(cls, name: str, error: OSError) -> Self:
+        """The refusal of a file that the system does not give."""
+        return cls(name, [Fault(0, f"cannot be read: {(error.strerror or str(error)).lower()}")])
 
     def _text(self) -> str:
         lines = []

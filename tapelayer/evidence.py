@@ -149,3 +149,11 @@ class Evidence:
     def passed(self) -> bool:
         """Whether everything holds."""
         return not self.failures
+
+    def worst(self, shown: int) -> str:
+        """The first failures in words, a line each, then a count."""
+        lines = [failure.sentence() for failure in self.failures[:shown]]
+        more = len(self.failures) - shown
+        if more > 0:
+            lines.append(f"and {more} more failure{'s' if more > 1 else ''}")
+        return "\n".join(lines)

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from post import program, reader
-from post.controllers import Controller
+from post.controllers import Controller, load
 from tapelayer.arrays import Floats
 from tapelayer.course import Course, parse_courses
-from tapelayer.errors import CourseFileRefused, Fault
+from tapelayer.errors import CourseFileRefused
 from tapelayer.laying import plan
 from tapelayer.machine import Machine
 from tapelayer.provenance import Provenance
@@ -42,20 +42,20 @@ class Job:
     provenance: Provenance
 
     @staticmethod
-    def read(courses: Path | str, setup: Setup, controller: Controller) -> Job:
+    def read(courses: Path | str, setup: Setup) -> Job:
         """Job of a course file.
 
         Raises:
             CourseFileRefused: the file cannot be read.
+            ControllerRefused: the setup's controller table cannot be used.
             ModelRefused: the setup's URDF cannot be used.
         """
+        controller = load(setup.output.controller)
         path = Path(courses)
         try:
             data = path.read_bytes()
         except OSError as error:
-            raise CourseFileRefused(
-                str(courses), [Fault(0, f"cannot be read: {(error.strerror or str(error)).lower()}")]
-            ) from None
+            raise CourseFileRefused.unreadable(str(courses), error) from None
         machine = machine_of(setup)
         provenance = Provenance(
             source=path.name,

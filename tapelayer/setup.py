@@ -236,7 +236,7 @@ def read_setup(path: Path | str, model: type[SetupModel]) -> SetupModel:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        raise SetupRefused(name, [Fault(0, f"cannot be read: {(error.strerror or str(error)).lower()}")]) from None
+        raise SetupRefused.unreadable(name, error) from None
     return parse_setup(data, name, model)
 
 

@@ -30,6 +30,8 @@ FEED_DIGITS = 1e-5
 # The nip's arc length is found from the tape fed to this accuracy, in metres.
 STATION_ACCURACY = 1e-10
 
+SHOWN_FAILURES = 10
+
 # What must be switched on before what switches it off, and the other way round.
 SWITCHES = (
     ("shoe", Event.SHOE_DOWN, Event.SHOE_UP),
@@ -97,10 +99,7 @@ class Inspector:
         """As the function `verify`."""
         evidence = self.examine(trajectory, resolution)
         if not evidence.passed:
-            more = len(evidence.failures) - 10
-            lines = [failure.sentence() for failure in evidence.failures[:10]]
-            lines += [f"and {more} more failure{'s' if more > 1 else ''}"] if more > 0 else []
-            raise VerificationFailed("\n".join(lines), evidence)
+            raise VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
         return Verified(trajectory, evidence)
 
     def examine(self, trajectory: Trajectory, resolution: Floats | None = None) -> Evidence:

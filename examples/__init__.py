@@ -1,0 +1,1 @@
+"""Course files to try the commands on: natural paths on analytic surfaces."""

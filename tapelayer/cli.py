@@ -1,0 +1,285 @@
+"""The command line: it knows every room, and no room knows it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from post import controllers
+from tapelayer import gantry, report
+from tapelayer.course import Course, read_courses
+from tapelayer.errors import Fault, ProgramRefused, SetupRefused, TapelayerError, VerificationFailed
+from tapelayer.evidence import Evidence
+from tapelayer.job import Job, machine_of
+from tapelayer.output import write_files
+from tapelayer.setup import DEG, MM, Setup, default_text, read_setup
+from tapelayer.trajectory import Trajectory
+from tapelayer.verification import SHOWN_FAILURES
+
+app = typer.Typer(
+    name="tapelayer",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Offline programming for a ten-axis tape layer: tape courses in, verified NC programs out.",
+    epilog="Start with: [bold]tapelayer demo[/bold], or [bold]tapelayer export COURSES.txt -o PROGRAM.nc[/bold]",
+)
+
+Courses = Annotated[str, typer.Argument(metavar="COURSES.txt", help="Course file (the paper's Table 3), mm.")]
+SetupFile = Annotated[str | None, typer.Option("--setup", metavar="S.toml", help="Setup; without it the defaults.")]
+ControllerName = Annotated[
+    str | None, typer.Option("--controller", metavar="NAME", help="Controller table, or the path of one.")
+]
+KinematicsName = Annotated[
+    str | None, typer.Option("--kinematics", metavar="roller|published", help="Closed form in use.")
+]
+ReportFile = Annotated[str | None, typer.Option("--report", metavar="OUT.json", help="Write the report as JSON.")]
+HtmlFile = Annotated[str | None, typer.Option("--html", metavar="OUT.html", help="Write the report with plots.")]
+
+output = Console()
+notices = Console(stderr=True)
+
+
+@app.command(
+    epilog="Example: [bold]tapelayer export panel.txt --setup job.toml -o panel.nc --html panel.html[/bold]",
+)
+def export(
+    courses: Courses,
+    setup: SetupFile = None,
+    controller: ControllerName = None,
+    kinematics: KinematicsName = None,
+    target: Annotated[
+        str | None, typer.Option("-o", metavar="OUT.nc", help="Program; default COURSES.nc here.")
+    ] = None,
+    report_file: ReportFile = None,
+    html_file: HtmlFile = None,
+) -> None:
+    """Plan, write, read back and verify an NC program; nothing that fails is written."""
+    program = Path(target) if target else Path(Path(courses).stem + ".nc")
+    job = _job(courses, setup, controller, kinematics)
+    with _steps() as step:
+        step("planning")
+        planned = job.plan()
+        step("writing")
+        text = job.text(planned)
+        step("reading back")
+        trajectory = job.read_back(text, str(program)).trajectory
+        step("verifying the text")
+        verified = job.judge(trajectory)
+        contents = {program: text}
+        contents |= _reports(verified.evidence, trajectory, text, job.setup, program.name, report_file, html_file)
+        write_files(contents)
+    output.print(report.summary(report.numbers(verified.evidence, hashlib.sha256(text).hexdigest())))
+    output.print(f"{program}: {len(trajectory)} blocks, verified", highlight=False)
+
+
+@app.command(
+    epilog="Example: [bold]tapelayer verify panel.nc panel.txt --setup job.toml[/bold]  "
+    "Exit 0: passed, 1: failed, 2: bad input.",
+)
+def verify(
+    program: Annotated[str, typer.Argument(metavar="PROGRAM.nc", help="NC program, also one edited by hand.")],
+    courses: Courses,
+    setup: SetupFile = None,
+    controller: ControllerName = None,
+    kinematics: KinematicsName = None,
+    report_file: ReportFile = None,
+    html_file: HtmlFile = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Judge a program although its header names another setup.")
+    ] = False,
+) -> None:
+    """Judge an NC program by its text against its courses."""
+    job = _job(courses, setup, controller, kinematics)
+    text = _bytes(program)
+    with _steps() as step:
+        step("reading")
+        read = job.read_back(text, program)
+        _check_sources(job, read.setup_sha256, read.source_sha256, program, courses, force)
+        step("verifying")
+        evidence = job.inspector.examine(read.trajectory, job.resolution)
+        write_files(_reports(evidence, read.trajectory, text, job.setup, Path(program).name, report_file, html_file))
+    output.print(report.summary(report.numbers(evidence, hashlib.sha256(text).hexdigest())))
+    if not evidence.passed:
+        raise VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
+    output.print(f"{program}: {len(read.trajectory)} blocks, verified", highlight=False)
+
+
+@app.command(epilog="Example: [bold]tapelayer inspect panel.txt[/bold]")
+def inspect(courses: Courses) -> None:
+    """Show what a course file holds."""
+    table = Table(title=Path(courses).name)
+    for heading in (
+        "course",
+        "points",
+        "length mm",
+        "cuts deg",
+        "x mm",
+        "y mm",
+        "z mm",
+        "slope deg",
+        "off surface deg",
+    ):
+        table.add_column(heading, justify="right")
+    found = read_courses(courses)
+    for course in found:
+        table.add_row(*_inspected(course))
+    output.print(table)
+    output.print(
+        f"{len(found)} courses, {sum(len(course.points) for course in found)} points, "
+        f"{sum(course.length for course in found):.3f} m of tape laid",
+        highlight=False,
+    )
+
+
+@app.command(epilog="Example: [bold]tapelayer setup > job.toml[/bold]")
+def setup() -> None:
+    """Print the default setup as a commented TOML file."""
+    sys.stdout.write(default_text(Setup, "Setup of a tape-laying job"))
+
+
+@app.command(epilog="Example: [bold]tapelayer machine --setup job.toml[/bold]")
+def machine(setup: SetupFile = None) -> None:
+    """Show the machine: axes, travel, speeds and the lengths of its closed form."""
+    model = machine_of(_setup(setup))
+    table = Table(title=str(model.model.name))
+    for heading in ("axis", "from", "to", "unit", "speed /s"):
+        table.add_column(heading, justify="right")
+    for axis in model.axes:
+        scale, unit = (1 / DEG, "deg") if axis.revolute else (1 / MM, "mm")
+        table.add_row(axis.name, f"{axis.lower * scale:g}", f"{axis.upper * scale:g}", unit, f"{axis.speed * scale:g}")
+    output.print(table)
+    lengths = gantry.lengths(model)
+    output.print(
+        f"l4 = {lengths.l4 / MM:g}, l5 = {lengths.l5 / MM:g}, l6 = {lengths.l6 / MM:g}, "
+        f"roller radius = {lengths.radius / MM:g} mm",
+        highlight=False,
+    )
+
+
+@app.command(name="controllers", epilog="Example: [bold]tapelayer controllers[/bold]")
+def list_controllers() -> None:
+    """List the controller tables there are."""
+    table = Table("name", "control")
+    for name in controllers.names():
+        table.add_row(name, controllers.load(name).title)
+    output.print(table)
+
+
+@app.command(epilog="Example: [bold]tapelayer demo --into demo[/bold]")
+def demo(
+    into: Annotated[str, typer.Option("--into", metavar="FOLDER", help="Where the results go.")] = "demo",
+) -> None:
+    """Run the main job on an example: a cylinder panel at 15 degrees."""
+    folder = Path(into)
+    folder.mkdir(parents=True, exist_ok=True)
+    example = files("tapelayer.examples").joinpath("cylinder_panel_15.txt")
+    stem = folder / "cylinder_panel_15"
+    export(str(example), None, None, None, f"{stem}.nc", f"{stem}.json", f"{stem}.html")
+    output.print(f"open {stem}.html to look at it", highlight=False)
+
+
+@contextmanager
+def _steps() -> Iterator[Callable[[str], None]]:
+    """Say on a terminal which step is under way; quiet elsewhere."""
+    with notices.status("reading") as status:
+        yield lambda step: status.update(step)
+
+
+def _setup(name: str | None) -> Setup:
+    return read_setup(name, Setup) if name else Setup()
+
+
+def _job(courses: str, setup_file: str | None, controller: str | None, kinematics: str | None) -> Job:
+    chosen = _setup(setup_file)
+    if controller:
+        chosen = chosen.with_values("output", controller=controller)
+    if kinematics:
+        chosen = chosen.with_values("process", kinematics=kinematics)
+    return Job.read(courses, chosen)
+
+
+def _bytes(name: str) -> bytes:
+    try:
+        return Path(name).read_bytes()
+    except OSError as error:
+        raise ProgramRefused.unreadable(name, error) from None
+
+
+def _check_sources(job: Job, setup_sha256: str, source_sha256: str, program: str, courses: str, force: bool) -> None:
+    """Refuse to judge a program by another setup than its own; say so where the courses are other ones."""
+    if setup_sha256 and setup_sha256 != job.provenance.setup_sha256 and not force:
+        sentence = (
+            f"its header names the setup {setup_sha256[:12]}..., this one is {job.provenance.setup_sha256[:12]}...; give "
+            "the setup it was made with (options count, too), or judge it by this one with --force"
+        )
+        raise SetupRefused(program, [Fault(0, sentence)])
+    if source_sha256 and source_sha256 != job.provenance.source_sha256:
+        notices.print(f"{program}: its header names another course file than {courses}", highlight=False)
+
+
+def _reports(
+    evidence: Evidence,
+    trajectory: Trajectory,
+    text: bytes,
+    setup: Setup,
+    title: str,
+    report_file: str | None,
+    html_file: str | None,
+) -> dict[Path, bytes]:
+    """Report files by target."""
+    if not (report_file or html_file):
+        return {}
+    numbers = report.numbers(evidence, hashlib.sha256(text).hexdigest())
+    contents = {}
+    if report_file:
+        contents[Path(report_file)] = (json.dumps(numbers, indent=2, allow_nan=False) + "\n").encode()
+    if html_file:
+        contents[Path(html_file)] = report.html(evidence, trajectory, numbers, setup, title).encode()
+    return contents
+
+
+def _inspected(course: Course) -> list[str]:
+    """Cells of a course's row."""
+    low, high = np.min(course.points, axis=0) / MM, np.max(course.points, axis=0) / MM
+    steps = np.diff(course.points, axis=0)
+    steps /= np.linalg.norm(steps, axis=1)[:, None]
+    normals = course.normals[1:] + course.normals[:-1]
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    off = np.degrees(np.max(np.abs(np.arcsin(np.clip(np.sum(steps * normals, axis=1), -1, 1)))))
+    slope = np.degrees(np.max(np.arccos(np.clip(course.normals[:, 2], -1, 1))))
+    start, end = (angle / DEG for angle in course.cut_angles)
+    cuts = f"{start:g}" if start == end else f"{start:g} {end:g}"
+    spans = [f"{a:.1f} to {b:.1f}" for a, b in zip(low, high, strict=True)]
+    return [
+        str(course.number),
+        str(len(course.points)),
+        f"{course.length / MM:.1f}",
+        cuts,
+        *spans,
+        f"{slope:.1f}",
+        f"{off:.2f}",
+    ]
+
+
+def main() -> None:
+    """Entry point: every error of ours becomes its sentence on stderr and its exit code."""
+    try:
+        app(standalone_mode=True)
+    except TapelayerError as error:
+        sys.stderr.write(f"{error}\n")
+        sys.exit(error.exit_code)
+    except BrokenPipeError:
+        sys.exit(1)
