@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tapelayer.arrays import Floats, Ints, Mask, frozen
 
@@ -105,6 +108,16 @@ class Samples:
         """Freeze the arrays."""
         for field in fields(self):
             object.__setattr__(self, field.name, frozen(getattr(self, field.name)))
+
+    @staticmethod
+    def joined(parts: Sequence[Samples]) -> Samples:
+        """The samples of several courses, one after the other; of none, no samples."""
+        columns: dict[str, NDArray[Any]] = {
+            field.name: np.concatenate([getattr(part, field.name) for part in parts]) if parts else np.zeros(0)
+            for field in fields(Samples)
+        }
+        columns["nips"] = columns["nips"].reshape(-1, 3)
+        return Samples(**columns)
 
     @property
     def position_errors(self) -> Floats:

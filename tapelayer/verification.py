@@ -110,14 +110,11 @@ class Inspector:
         if any(failure.what == "unstated_axes" for failure in failures):
             # Nothing can be measured on a program that does not say where it is.
             layings = []
-        measured: list[tuple[Floats, ...]] = []
+        measured: list[Samples] = []
         for index, (curve, laying) in enumerate(zip(self.curves, layings, strict=False)):
             rows, found = self._course(trajectory, index, curve, laying, digits)
             measured.append(rows)
             failures += found
-        samples = (
-            Samples(*(np.concatenate(column) for column in zip(*measured, strict=True))) if measured else _NO_SAMPLES
-        )
         axes, found = self._axes(trajectory, digits)
         clearance, taken_back, links = self._links(trajectory)
         disagreement = self._pinocchio(trajectory)
@@ -133,7 +130,7 @@ class Inspector:
             least_link_clearance=clearance,
             forward_disagreement=disagreement,
             axes=axes,
-            samples=samples,
+            samples=Samples.joined(measured),
             tape_width=self.setup.tape.width_mm * MM,
             failures=tuple([*failures, *found, *links]),
         )
@@ -145,7 +142,7 @@ class Inspector:
 
     def _course(
         self, trajectory: Trajectory, index: int, curve: _Curve, laying: _Laying, digits: Floats
-    ) -> tuple[tuple[Floats, ...], list[Failure]]:
+    ) -> tuple[Samples, list[Failure]]:
         """Samples and failures of one course."""
         joints, times, ends, blocks = laying.sampled(trajectory)
         pose = self.machine.columns(joints, "roller")
@@ -166,22 +163,22 @@ class Inspector:
         tape = _dot(error, tangents)
         across = _dot(axis, square)
         tilt = np.arcsin(np.clip(_dot(axis, normals), -1.0, 1.0))
-        measured = (
-            np.full(len(joints), index),
-            arc_lengths,
-            times,
-            points,
-            _dot(error, normals),
-            _dot(error, square),
-            tape,
-            tilt,
-            np.arctan2(_dot(axis, ahead), across),
-            np.arctan2(_dot(normals, heading), _dot(normals, normal)),
-            wraps,
-            np.sqrt(_dot(offset, offset)),
-            np.isin(np.arange(len(joints)), ends),
+        samples = Samples(
+            courses=np.full(len(joints), index),
+            arc_lengths=arc_lengths,
+            times=times,
+            nips=points,
+            normal_errors=_dot(error, normals),
+            lateral_errors=_dot(error, square),
+            tape_errors=tape,
+            tilts=tilt,
+            heading_errors=np.arctan2(_dot(axis, ahead), across),
+            pitches=np.arctan2(_dot(normals, heading), _dot(normals, normal)),
+            wraps=wraps,
+            offsets=np.sqrt(_dot(offset, offset)),
+            block_ends=np.isin(np.arange(len(joints)), ends),
         )
-        return measured, self._judge(trajectory, curve, Samples(*measured), ends, blocks, fed, digits)
+        return samples, self._judge(trajectory, curve, samples, ends, blocks, fed, digits)
 
     def _judge(
         self,
@@ -440,16 +437,6 @@ class _Curve:
     def point(self, arc_length: float) -> int:
         """Number (from 1) of the file's point nearest to an arc length in metres; 0 for NaN."""
         return 0 if np.isnan(arc_length) else int(np.argmin(np.abs(self.knots - arc_length))) + 1
-
-
-_NO_SAMPLES = Samples(
-    np.zeros(0, np.int64),
-    np.zeros(0),
-    np.zeros(0),
-    np.zeros((0, 3)),
-    *(np.zeros(0) for _ in range(8)),
-    np.zeros(0, np.bool_),
-)
 
 
 def _dot(left: Floats, right: Floats) -> Floats:
