@@ -85,8 +85,8 @@ def replay(plan: TapePlan) -> list[Stroke]:
     strokes: list[Stroke] = []
     u, pose = 0.0, steps.poses[0]
     feeds = set()
-    for row in range(1, len(steps)):
-        new_u, new, kind, knife = float(steps.u[row]), steps.poses[row], steps.kinds[row], int(steps.knives[row])
+    rows = zip(steps.u.tolist(), steps.poses, steps.kinds.tolist(), steps.knives.tolist(), strict=True)
+    for new_u, new, kind, knife in itertools.islice(rows, 1, None):
         assert np.isfinite(new_u) and np.isfinite(new).all()
         still = [0, 1, 2, 3]
         if kind == Step.FEED:
@@ -239,16 +239,17 @@ def walk(plan: TapePlan) -> None:
     done, u, furthest = 1, 0.0, 0.0
     down = [0, 0]
     stops = plan.laying_stops
+    at, kinds, knives = steps.u.tolist(), steps.kinds.tolist(), steps.knives.tolist()
 
     def carry_out(rows: tuple[int, int]) -> None:
         nonlocal done, u, furthest
         first, last = rows
         assert first == done
         for row in range(first, last):
-            assert steps.u[row] >= furthest - 2e-9
-            u = furthest = max(float(steps.u[row]), furthest)
-            if steps.kinds[row] in (Step.DOWN, Step.UP):
-                down[steps.knives[row] - 1] = int(steps.kinds[row] == Step.DOWN)
+            assert at[row] >= furthest - 2e-9
+            u = furthest = max(at[row], furthest)
+            if kinds[row] in (Step.DOWN, Step.UP):
+                down[knives[row] - 1] = int(kinds[row] == Step.DOWN)
         done = last
 
     def feed(to: float) -> None:
@@ -269,9 +270,7 @@ def walk(plan: TapePlan) -> None:
         feed(float(plan.begins[k]))
         first, last = plan.laying[k]
         assert ((steps.u[first:last] > plan.begins[k]) & (steps.u[first:last] < plan.ends[k])).all()
-        assert stops[k] == len(
-            {float(steps.u[row]) for row in range(first, last) if steps.kinds[row] in (Step.MOVE, Step.CUT)}
-        )
+        assert stops[k] == len({at[row] for row in range(first, last) if kinds[row] in (Step.MOVE, Step.CUT)})
         carry_out((int(first), int(last)))
         feed(float(plan.ends[k]))
     carry_out((done, len(steps)))
