@@ -406,7 +406,7 @@ def _course_comment(courses: np.ndarray, block: int, controller: Controller) -> 
 def _comment(text: str, controller: Controller) -> bytes:
     """Comment line; whatever could end the comment, or is no printable ASCII, becomes an underscore."""
     safe = _NOT_IN_COMMENTS.sub("_", text)
-    if controller.blocks.comment == "(":
+    if controller.blocks.comment[0] == "(":
         line = f"({safe[: controller.blocks.max_line - 2]})"
     else:
         line = f"; {safe[: controller.blocks.max_line - 2]}"

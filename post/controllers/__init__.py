@@ -71,7 +71,7 @@ class Blocks(_Table):
         number_step: step of the N words and the first of them; 0 writes none.
         number_maximum: the largest N; after it they start again.
         max_line: characters that the control takes in a line, without the line end.
-        comment: how a comment begins; `(` is closed by `)`.
+        comment: how a comment begins: `(` up to `)`, `;` up to the line's end, or either; the first is written.
         first_line: a line before everything, without N; empty for none.
         last_line: a line after everything, without N; empty for none.
         preamble: blocks written once, before the first motion.
@@ -82,7 +82,7 @@ class Blocks(_Table):
     number_step: Annotated[int, Field(ge=0)]
     number_maximum: Annotated[int, Field(ge=1, le=999999999)]
     max_line: Annotated[int, Field(ge=90)]
-    comment: Literal["(", ";"]
+    comment: Literal["(", ";", "(;"]
     first_line: str
     last_line: str
     preamble: Annotated[tuple[str, ...], Field(strict=False)]
@@ -107,7 +107,7 @@ class Codes(_Table):
         inverse_time: the feed word is one over the block's minutes.
         set_position: the axis words of the block become the present position.
         planes: the plane of circular blocks.
-        no_effect: G words and whole blocks that are read and change nothing that counts here.
+        no_effect: G words, letters of further words, and whole blocks, that are read and change nothing that counts.
     """
 
     rapid: GCode
