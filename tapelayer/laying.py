@@ -9,17 +9,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from tapelayer import gantry
-from tapelayer.arrays import Floats
+from tapelayer.arrays import Floats, Ints
 from tapelayer.course import Course
 from tapelayer.errors import AxisBeyondTravel, TapeRunsBack
 from tapelayer.linearisation import CourseMotion, Poses, block_ends
 from tapelayer.machine import Axis, Machine
 from tapelayer.setup import DEG, MM, Setup
+from tapelayer.stroke import Rows, Stroke
+from tapelayer.tape import TOUCH, Head, Step, TapePlan, plan_tape
 from tapelayer.toolpath import Toolpath, placed
 from tapelayer.trajectory import Event, Kind, Trajectory
 
-# Two times closer than this are one block boundary.
-SAME_TIME = 1e-9
+KNIVES = ("v", "d", "q", "e")
+KNIFE_WORDS = {
+    (1, Step.DOWN): Event.KNIFE_1_DOWN,
+    (1, Step.UP): Event.KNIFE_1_UP,
+    (2, Step.DOWN): Event.KNIFE_2_DOWN,
+    (2, Step.UP): Event.KNIFE_2_UP,
+}
 
 
 def place(courses: Sequence[Course], setup: Setup) -> list[Toolpath]:
@@ -28,8 +35,27 @@ def place(courses: Sequence[Course], setup: Setup) -> list[Toolpath]:
     return [placed(c, setup.part.rotation_rad(), origin, setup.part.laid_thickness_mm * MM) for c in courses]
 
 
+def head_of(setup: Setup, machine: Machine) -> Head:
+    """The tape head's measures: the knives' pitch and travel from the machine, the rest from the setup."""
+    origins = machine.forward_all(np.zeros((1, len(machine.axes))), ("knife_1", "knife_2", "tape"))
+    apart = origins["knife_1"][0, :3, 3] - origins["knife_2"][0, :3, 3]
+    v, q = machine.axis("v"), machine.axis("q")
+    return Head(
+        tape_width=setup.tape.width_mm * MM,
+        knife_to_nip=setup.head.knife_to_nip_mm * MM,
+        knife_pitch=float(apart @ origins["tape"][0, :3, 0]),
+        knife_clearance=setup.head.knife_clearance_mm * MM,
+        scrap_margin=setup.head.scrap_margin_mm * MM,
+        blade_length=setup.head.blade_length_mm * MM,
+        travel_v=(v.lower, v.upper),
+        travel_q=(q.lower, q.upper),
+        minimum_cut_angle=setup.head.minimum_cut_angle_deg * DEG,
+        roll_length=setup.tape.roll_length_m,
+    )
+
+
 def plan(courses: Sequence[Course], setup: Setup, machine: Machine) -> Trajectory:
-    """Trajectory of a ply: every course approached, laid and left, the tape one continuous coordinate.
+    """Trajectory of a ply: every course approached, laid and left, its cuts made where they pass the knives.
 
     Args:
         courses: in the part's frame, laid in this order.
@@ -40,211 +66,265 @@ def plan(courses: Sequence[Course], setup: Setup, machine: Machine) -> Trajector
         AxisBeyondTravel: a course needs an axis beyond its travel.
         PoseUndefined: a point has no roller pose.
         TapeRunsBack: the tape would have to run back under the shoe.
+        TapelayerError: the tape cannot be cut that way; see `plan_tape`.
     """
-    paths = place(courses, setup)
-    program = _Program(setup, machine, max(float(np.max(path.points[:, 2])) for path in paths))
-    station = 0.0
-    for path in paths:
-        program.add_course(path, station)
-        station += path.length
-    return program.trajectory()
+    lengths = gantry.lengths(machine)
+    radius = lengths.radius if setup.head.wrap_compensation else 0.0
+    ways = [_way(path, setup, lengths, radius) for path in place(courses, setup)]
+    tape = plan_tape(
+        head_of(setup, machine),
+        [course.number for course in courses],
+        np.array([way.laid.arc_lengths[-1] for way in ways]),
+        np.array([course.cut_angles for course in courses]),
+        radius * np.array([way.laid.wrap[[0, -1]] for way in ways]),
+    )
+    program = _Program(setup, machine, tape, max(float(np.max(way.path.points[:, 2])) for way in ways))
+    for course, way in enumerate(ways):
+        program.add_course(course, way)
+    return program.trajectory(ways)
 
 
 @dataclass(frozen=True, eq=False)
-class _Stroke:
-    """What the head does in one go from the approach to the retract: straight joint blocks through nodes.
+class _Way:
+    """A course as the gantry goes along it: poses at its block ends and the direction in which it leaves.
 
     Attributes:
-        joints: (n, k) joint values at the nodes.
-        times: (n,) seconds at the nodes.
-        arcs: (n,) arc length on the course at the nodes, metres.
+        path: in `machine` axes.
+        laid: poses at the block ends.
+        shortened: (n,) metres by which the tape path to the nip is shorter than on a level surface.
+        out: (3,) unit tangent at the end, `machine` axes.
     """
 
-    joints: Floats
-    times: Floats
-    arcs: Floats
+    path: Toolpath
+    laid: Poses
+    shortened: Floats
+    out: Floats
 
-    def with_events(self, events: Sequence[tuple[float, Event]]) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """Rows after the first node, events standing on block boundaries of their own.
+    def point(self, arc_length: float) -> int:
+        """Number (from 1) of the file's point nearest to an arc length in metres."""
+        return int(np.argmin(np.abs(self.path.arc_lengths - self.path.arc_lengths[0] - arc_length))) + 1
 
-        Args:
-            events: (time in seconds, event), in their nominal order; for one before the first node the head waits.
 
-        Returns:
-            (m, k) joints, (m,) kinds, (m,) durations, (m,) events, (m,) arc lengths.
-        """
-        at = np.array([time for time, _ in events])
-        moving = np.append(True, np.diff(self.times) > 0.0)
-        times, nodes = self.times[moving], np.column_stack([self.joints, self.arcs])[moving]
-        if np.min(at) < times[0] - SAME_TIME:
-            times, nodes = np.append(np.min(at), times), np.vstack([nodes[:1], nodes])
-        nearest = times[np.argmin(np.abs(times[:, None] - at), axis=0)]
-        at = np.where(np.abs(nearest - at) <= SAME_TIME, nearest, at)
-        # A stable sort keeps the nominal order of events that fall together.
-        order = np.argsort(at, kind="stable")
-        ends = np.union1d(times, at)
-        after = np.clip(np.searchsorted(times, ends), 1, len(times) - 1)
-        share = (ends - times[after - 1]) / np.diff(times)[after - 1]
-        rows = nodes[after - 1] + share[:, None] * np.diff(nodes, axis=0)[after - 1]
-        rows[np.isin(ends, times)] = nodes
-        places = np.searchsorted(ends, at[order])
-        still = np.all(np.diff(rows, axis=0) == 0.0, axis=1)
-        kinds = np.insert(np.where(still, Kind.DWELL, Kind.LINEAR), places, Kind.SWITCH)
-        durations = np.insert(np.diff(ends), places, 0.0)
-        words = np.insert(np.zeros(len(ends) - 1), places, [int(events[i][1]) for i in order])
-        rows = np.insert(rows[1:], places, rows[places], axis=0)
-        return rows[:, :-1], kinds, durations, words, rows[:, -1]
+def _way(path: Toolpath, setup: Setup, lengths: gantry.Lengths, radius: float) -> _Way:
+    process = setup.process
+    motion = CourseMotion(path, lengths, process.kinematics, radius)
+    laid = block_ends(motion, process.tolerance_mm * MM, process.tolerance_deg * DEG)
+    way = _Way(path, laid, radius * laid.wrap, motion.curve.at(laid.arc_lengths[-1:])[2][0])
+    back = np.flatnonzero(~(np.diff(laid.arc_lengths - way.shortened) >= 0.0))
+    if len(back):
+        point = way.point(float(laid.arc_lengths[back[0]]))
+        raise TapeRunsBack(
+            f"course {path.number} point {point}: the tape would run back under the shoe, because the surface is "
+            "hollow and tighter than the roller; set [head] wrap_compensation = false"
+        )
+    return way
 
 
 class _Program:
     """Blocks of a program as they are added, course by course."""
 
-    def __init__(self, setup: Setup, machine: Machine, highest: float) -> None:
-        self.setup, self.machine = setup, machine
-        self.lengths = gantry.lengths(machine)
+    def __init__(self, setup: Setup, machine: Machine, tape: TapePlan, highest: float) -> None:
+        self.setup, self.machine, self.tape = setup, machine, tape
         self.speeds = np.array([axis.speed for axis in machine.axes])
         self.columns = {axis.name: i for i, axis in enumerate(machine.axes)}
-        self.pose_columns = [self.columns[name] for name in gantry.POSE]
+        self.pose = [self.columns[name] for name in gantry.POSE]
+        self.knives = [self.columns[name] for name in KNIVES]
         self.lay_speed = setup.process.lay_speed_mm_per_s * MM
-        self.radius = self.lengths.radius if setup.head.wrap_compensation else 0.0
+        self.thread_speed = setup.process.thread_speed_mm_per_s * MM
+        self.lift = setup.process.approach_mm * MM
+        delays = setup.head.delays_ms
+        self.shoe_delay, self.roller_delay = delays.shoe * 1e-3, delays.roller * 1e-3
+        self.knife_delay, self.heater_delay = delays.knife * 1e-3, delays.heater * 1e-3
+        lengths = gantry.lengths(machine)
         clearance = setup.process.link_clearance_mm
         above = highest + (setup.process.approach_mm if clearance is None else clearance) * MM
-        self.link_height = max(-above - self.lengths.l4 - self.lengths.l6, machine.axis("z").lower)
+        self.link_height = max(-above - lengths.l4 - lengths.l6, machine.axis("z").lower)
         self.at = np.zeros(len(machine.axes))
-        parked = (setup.tape.width_mm / 2 + setup.head.knife_clearance_mm) * MM
-        self.at[self.columns["v"]], self.at[self.columns["q"]] = parked, -parked
-        self.paths: list[Toolpath] = []
-        self.rows: list[tuple[Floats, ...]] = []
+        self.at[self.knives] = tape.steps.poses[0]
+        self.parts: list[tuple[Rows, int, Sequence[int]]] = []
 
-    def add_course(self, path: Toolpath, station: float) -> None:
-        """Add the blocks of one course whose leading edge is at `station` on the tape (metres)."""
-        self.paths.append(path)
-        head, process = self.setup.head, self.setup.process
-        motion = CourseMotion(path, self.lengths, process.kinematics, self.radius)
-        length, lag = motion.curve.length, head.aux_roller_lag_mm * MM
+    def add_course(self, course: int, way: _Way) -> None:
+        """Add the blocks of one course."""
+        head, tape = self.setup.head, self.tape
+        lag = head.aux_roller_lag_mm * MM
         run_out = lag if head.run_out == "tangent" else 0.0
-        roller_down = min(lag, length + run_out)
-        breaks = np.unique([0.0, min(roller_down, length), length])
-        laid = block_ends(motion, breaks, process.tolerance_mm * MM, process.tolerance_deg * DEG)
-        joints = self._joints(laid, station)
-        self._check_feed(joints, motion, laid)
+        length = float(way.laid.arc_lengths[-1])
+        joints = self._joints(course, way)
+        approach = self._lifted(joints[0])
+        approach[self.columns["u"]] = self.at[self.columns["u"]]
+        approach[self.knives] = self.at[self.knives]
+        self._add_link(course, approach)
 
-        lift = process.approach_mm * MM
-        approach = self._moved(joints[0], gantry.normals(joints[:1, self.pose_columns])[0], lift)
-        leave = self._moved(joints[-1], motion.curve.at(laid.arc_lengths[-1:])[2][0], run_out)
-        retract = self._moved(leave, gantry.normals(leave[None, self.pose_columns])[0], lift)
-        self._add_link(approach)
+        stroke = Stroke.begun(approach)
+        if course == 0:
+            stroke.switch(Event.SUPPLY_MODE, 0.0)
+        changing, threading = tape.changing[course], tape.threading[course]
+        if course and tape.rolls[course] != tape.rolls[course - 1]:
+            self._feed(stroke, changing, float(tape.roll_u[tape.rolls[course]]))
+            stroke.switch(Event.STOP, 0.0)
+        self._feed(stroke, threading, float(tape.threaded[course]))
+        self._feed(stroke, threading[1:].repeat(2), float(tape.begins[course]))
 
-        nodes = np.vstack([approach, joints, leave, retract])
-        travel = np.concatenate([[-lift], laid.arc_lengths, [length + run_out, length + run_out + lift]])
-        axis_times = np.max(np.abs(np.diff(nodes, axis=0)) / self.speeds, axis=1)
-        times = np.append(0.0, np.cumsum(np.maximum(axis_times, np.diff(travel) / self.lay_speed)))
-        delays = head.delays_ms
-        events = [
-            (time - delay_ms * 1e-3, event)
-            for time, delay_ms, event in (
-                (times[1], delays.shoe, Event.SHOE_DOWN),
-                (times[1], delays.heater, Event.HEATER_ON),
-                (float(np.interp(roller_down, travel, times)), delays.roller, Event.ROLLER_DOWN),
-                (times[-3], delays.heater, Event.HEATER_OFF),
-                (times[-3], delays.shoe, Event.SHOE_UP),
-                (times[-2], delays.roller, Event.ROLLER_UP),
-            )
-        ]
-        self._add_stroke(_Stroke(nodes, times, np.clip(travel, 0.0, length)), events)
+        touch = stroke.at.copy()
+        touch[self.pose] = joints[0, self.pose]
+        stroke.step(touch, self.lift / self.lay_speed)
+        stroke.switch(Event.SHOE_DOWN, self.shoe_delay)
+        stroke.switch(Event.HEATER_ON, self.heater_delay)
+        first = len(stroke) - 1
+        self._lay(stroke, course, joints, way.laid.arc_lengths, min(lag, length + run_out))
+        last = len(stroke) - 1
+        stroke.switch(Event.HEATER_OFF, self.heater_delay)
+        stroke.switch(Event.SHOE_UP, self.shoe_delay)
+        leave = stroke.at.copy()
+        for distance in sorted({max(min(lag, length + run_out) - length, 0.0), run_out}):
+            stroke.step(self._moved(leave, way.out, distance), distance / self.lay_speed, length)
+        if lag > length and run_out:
+            stroke.switch(Event.ROLLER_DOWN, self.roller_delay, len(stroke) - 2)
+        stroke.switch(Event.ROLLER_UP, self.roller_delay)
+        stroke.step(self._lifted(stroke.at), self.lift / self.lay_speed, length)
+        if course == len(tape) - 1:
+            self._feed(stroke, np.array([tape.laying[-1, 1], len(tape.steps)]), float(stroke.at[self.columns["u"]]))
+        self._add(stroke, course, first, last)
 
-    def _joints(self, laid: Poses, station: float) -> Floats:
-        """All axes (n, k) along a course: the pose with c by whole turns, the tape fed, the knives as they are."""
-        joints = np.tile(self.at, (len(laid.arc_lengths), 1))
-        joints[:, self.pose_columns] = laid.joints
+    def _joints(self, course: int, way: _Way) -> Floats:
+        """All axes (n, k) at the block ends of a course: the pose with c by whole turns, the tape fed, knives zero."""
+        laid = way.laid
+        joints = np.zeros((len(laid.arc_lengths), len(self.at)))
+        joints[:, self.pose] = laid.joints
         c = self.columns["c"]
         joints[:, c] += _whole_turns(laid.joints[:, 3], self.at[c], self.machine.axis("c"))
-        fed = station + laid.arc_lengths + self.setup.head.knife_to_nip_mm * MM
-        joints[:, self.columns["u"]] = fed - self.radius * laid.wrap
+        fed = float(self.tape.stations[course]) + laid.arc_lengths + self.tape.head.knife_to_nip
+        joints[:, self.columns["u"]] = fed - way.shortened
         return joints
-
-    def _check_feed(self, joints: Floats, motion: CourseMotion, laid: Poses) -> None:
-        back = np.flatnonzero(~(np.diff(joints[:, self.columns["u"]]) >= 0.0))
-        if len(back):
-            point = motion.point(float(laid.arc_lengths[back[0]]))
-            raise TapeRunsBack(
-                f"course {motion.toolpath.number} point {point}: the tape would run back under the shoe, "
-                "because the surface is hollow and tighter than the roller; set [head] wrap_compensation = false"
-            )
 
     def _moved(self, joints: Floats, direction: Floats, distance: float) -> Floats:
         """Joint values (k,) with the head moved along a direction (3,) in `machine` axes by metres."""
         moved = joints.copy()
-        moved[self.pose_columns[:3]] += gantry.slides(direction) * distance
+        moved[self.pose[:3]] += gantry.slides(direction) * distance
         return moved
 
-    def _add_link(self, approach: Floats) -> None:
-        """Rapids from wherever the head is to the approach point, then the tape threaded there."""
-        first = not self.rows
-        z, u = self.columns["z"], self.columns["u"]
-        at = np.full(len(self.at), np.nan) if first else self.at
-        up, over, down = at.copy(), approach.copy(), approach.copy()
+    def _lifted(self, joints: Floats) -> Floats:
+        """Joint values (k,) with the head drawn off along its normal."""
+        return self._moved(joints, gantry.normals(joints[None, self.pose])[0], self.lift)
+
+    def _add_link(self, course: int, approach: Floats) -> None:
+        """Rapids from wherever the head is to the approach point: up, over, down."""
+        z = self.columns["z"]
+        at = self.at if self.parts else np.full(len(self.at), np.nan)
+        up, over = at.copy(), approach.copy()
         up[z] = over[z] = self.link_height
-        over[u] = down[u] = self.at[u]
-        rapids = np.vstack([up, over, down])
+        rapids = np.vstack([up, over, approach])
         steps = np.abs(rapids - np.vstack([at, up, over])) / self.speeds
-        # From where nothing is stated the time is not known: it counts as none.
-        times = np.max(np.nan_to_num(steps), axis=1)
-        every_axis = (1 << len(approach)) - 1
-        self._add(rapids, [Kind.RAPID] * 3, times, stated=[1 << z, every_axis, 0])
-        if first:
-            self._add(down[None], [Kind.SWITCH], np.zeros(1), events=[Event.SUPPLY_MODE])
-        fed = abs(float(approach[u] - self.at[u]))
-        if fed > 0.0:
-            speed = min(self.setup.process.thread_speed_mm_per_s * MM, float(self.speeds[u]))
-            self._add(approach[None], [Kind.LINEAR], np.array([fed / speed]))
-
-    def _add_stroke(self, stroke: _Stroke, events: Sequence[tuple[float, Event]]) -> None:
-        rows, kinds, durations, words, arcs = stroke.with_events(events)
-        self._add(rows, kinds, durations, events=words, arcs=arcs)
-
-    def _add(
-        self,
-        joints: Floats,
-        kinds: Sequence[int] | Floats,
-        durations: Floats,
-        events: Sequence[int] | Floats = (),
-        stated: Sequence[int] = (),
-        arcs: Floats | None = None,
-    ) -> None:
-        n = len(joints)
-        course = np.full(n, len(self.paths) - 1)
-        columns = (
-            kinds,
-            durations,
-            events if len(events) else np.zeros(n),
-            course,
-            stated if len(stated) else np.zeros(n),
+        rows = Rows(
+            joints=rapids,
+            kinds=np.full(3, Kind.RAPID, np.uint8),
+            # From where nothing is stated the time is not known: it counts as none.
+            durations=np.max(np.nan_to_num(steps), axis=1),
+            events=np.zeros(3, np.uint8),
+            arcs=np.zeros(3),
         )
-        self.rows.append((joints, *map(np.asarray, columns), np.zeros(n) if arcs is None else arcs))
-        self.at = joints[-1]
+        every_axis = (1 << len(approach)) - 1
+        self.parts.append((rows, course, (1 << z, every_axis, 0)))
 
-    def trajectory(self) -> Trajectory:
+    def _feed(self, stroke: Stroke, rows: Ints, target: float) -> None:
+        """Feed the tape with the head in the air to `target` (metres), doing the steps of rows (2,) on the way."""
+        steps, u = self.tape.steps, self.columns["u"]
+        for row in range(*rows):
+            word = KNIFE_WORDS.get((int(steps.knives[row]), Step(steps.kinds[row])))
+            if word:
+                stroke.switch(word, self.knife_delay)
+                continue
+            joints = stroke.at.copy()
+            joints[self.knives] = steps.poses[row]
+            joints[u] = max(joints[u], steps.u[row])
+            stroke.step(joints, abs(joints[u] - stroke.at[u]) / self.thread_speed)
+        joints = stroke.at.copy()
+        joints[self.knives] = steps.at(np.array([target]), rows[1:])[0]
+        joints[u] = target
+        stroke.step(joints, abs(joints[u] - stroke.at[u]) / self.thread_speed)
+
+    def _lay(self, stroke: Stroke, course: int, joints: Floats, arcs: Floats, roller_down: float) -> None:
+        """Lay a course: its block ends, the tape's steps at their exact u, and the auxiliary roller set down.
+
+        Args:
+            stroke: at the course's first block end.
+            course: its index.
+            joints: (n, k) joint values at its block ends but for the knives.
+            arcs: (n,) metres along the course at its block ends.
+            roller_down: metres along the course where the auxiliary roller goes down.
+        """
+        steps, fed = self.tape.steps, joints[:, self.columns["u"]]
+        rows = np.arange(*self.tape.laying[course])
+        kinds, count = steps.kinds[rows], np.arange(len(arcs), dtype=np.float64)
+        # Every place is a number of block ends passed; a step that falls on a block end is done there.
+        places = np.interp(steps.u[rows], fed, count)
+        near = np.rint(places)
+        places = np.where(np.abs(fed[near.astype(np.int64)] - steps.u[rows]) <= TOUCH, near, places)
+        rests = (kinds == Step.MOVE) | (kinds == Step.CUT)
+        moving = rests | ((kinds == Step.FEED) & (places != np.rint(places)))
+        lag = float(np.interp(roller_down, arcs, count, right=np.nan))
+        ends = np.unique(np.append(count, lag)) if lag == lag else count
+        nodes = np.concatenate([ends, places[moving]])
+        doing = np.concatenate([np.full(len(ends), -1), rows[moving]])
+        order = np.lexsort([doing, nodes])
+        nodes, doing = nodes[order], doing[order]
+
+        before = np.minimum(nodes.astype(np.int64), len(arcs) - 2)
+        share = nodes - before
+        way = joints[before] + share[:, None] * (joints[before + 1] - joints[before])
+        travelled = arcs[before] + share * (arcs[before + 1] - arcs[before])
+        done = int(self.tape.laying[course, 0]) + np.searchsorted(places, nodes)
+        way[:, self.knives] = np.where(
+            (doing >= 0)[:, None], steps.poses[doing], steps.at(way[:, self.columns["u"]], done)
+        )
+        start = len(stroke) - 1
+        stroke.joints[-1][-1, self.knives] = way[0, self.knives]
+        stroke.go(way[1:], np.diff(travelled) / self.lay_speed, travelled[1:])
+        for row, place in zip(rows, places, strict=True):
+            word = KNIFE_WORDS.get((int(steps.knives[row]), Step(steps.kinds[row])))
+            if word:
+                done_before = (nodes < place) | ((nodes == place) & (doing <= row))
+                stroke.switch(word, self.knife_delay, start + int(np.sum(done_before)) - 1)
+        if lag == lag:
+            stroke.switch(Event.ROLLER_DOWN, self.roller_delay, start + int(np.flatnonzero(nodes == lag)[0]))
+
+    def _add(self, stroke: Stroke, course: int, first: int, last: int) -> None:
+        """Add a stroke's blocks; where its laying from node `first` to `last` stops for long, the heater goes off."""
+        times = stroke.times(self.speeds)
+        fed = np.vstack(stroke.joints)[:, self.columns["u"]]
+        resting = np.diff(fed[first : last + 1]) == 0.0
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], resting.astype(np.int8), [0]])))
+        for begin, end in first + edges.reshape(-1, 2):
+            if times[end] - times[begin] > self.setup.head.heater_stop_s:
+                stroke.switch(Event.HEATER_OFF, self.heater_delay, int(begin))
+                stroke.switch(Event.HEATER_ON, self.heater_delay, int(end))
+        rows = stroke.rows(times)
+        self.parts.append((rows, course, [0] * len(rows.kinds)))
+        self.at = rows.joints[-1]
+
+    def trajectory(self, ways: Sequence[_Way]) -> Trajectory:
         """The blocks so far.
 
         Raises:
             AxisBeyondTravel: an axis leaves its travel.
         """
-        joints, kinds, durations, events, courses, stated, arcs = map(np.concatenate, zip(*self.rows, strict=True))
-        self._check_travel(joints, courses, arcs)
+        rows = [part[0] for part in self.parts]
+        joints = np.concatenate([row.joints for row in rows])
+        courses = np.repeat([course for _, course, _ in self.parts], [len(row.kinds) for row in rows])
+        self._check_travel(joints, courses, np.concatenate([row.arcs for row in rows]), ways)
         return Trajectory(
             axes=self.machine.names,
             start=np.full(len(self.machine.axes), np.nan),
             positions=joints,
-            kinds=kinds.astype(np.uint8),
-            durations=durations,
-            events=events.astype(np.uint8),
+            kinds=np.concatenate([row.kinds for row in rows]),
+            durations=np.concatenate([row.durations for row in rows]),
+            events=np.concatenate([row.events for row in rows]),
             courses=courses.astype(np.int32),
-            stated=stated.astype(np.uint16),
+            stated=np.concatenate([stated for _, _, stated in self.parts]).astype(np.uint16),
             lines=np.zeros(len(joints), np.int32),
         )
 
-    def _check_travel(self, joints: Floats, courses: Floats, arcs: Floats) -> None:
+    def _check_travel(self, joints: Floats, courses: Ints, arcs: Floats, ways: Sequence[_Way]) -> None:
         """Refuse the worst place of every axis that leaves its travel, all axes at once."""
         found = []
         for column, axis in enumerate(self.machine.axes):
@@ -252,9 +332,8 @@ class _Program:
             if np.all((values >= axis.lower) & (values <= axis.upper)):
                 continue
             row = int(np.argmax(np.nan_to_num(np.maximum(axis.lower - values, values - axis.upper), nan=np.inf))) + 1
-            path = self.paths[int(courses[row])]
-            point = int(np.argmin(np.abs(path.arc_lengths - path.arc_lengths[0] - arcs[row]))) + 1
-            found.append((path.number, point, axis, float(joints[row, column])))
+            way = ways[int(courses[row])]
+            found.append((way.path.number, way.point(float(arcs[row])), axis, float(joints[row, column])))
         if found:
             raise AxisBeyondTravel(found, _advice({axis.name for _, _, axis, _ in found}))
 

@@ -105,19 +105,18 @@ class CourseMotion:
         return int(np.argmin(np.abs(self.curve.knots - arc_length))) + 1
 
 
-def block_ends(motion: CourseMotion, breaks: Floats, tolerance: float, axis_tolerance: float) -> Poses:
+def block_ends(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Poses:
     """Poses at the block ends of a course, from its start to its end.
 
     Args:
         motion: the course.
-        breaks: arc lengths in metres, increasing, where a block must end; the first and last are the course's ends.
         tolerance: how far the contact may leave the course between block ends, metres.
         axis_tolerance: how far the roller axis may leave its direction, radians.
 
     Raises:
         PoseUndefined: a point has no roller pose, or the tolerances cannot be kept by any block.
     """
-    ends = _laid_out(motion, breaks, tolerance, axis_tolerance)
+    ends = _laid_out(motion, tolerance, axis_tolerance)
     poses = motion.poses(ends)
     while True:
         off = ~(_excess(motion, poses, tolerance, axis_tolerance) <= 1.0)
@@ -126,7 +125,7 @@ def block_ends(motion: CourseMotion, breaks: Floats, tolerance: float, axis_tole
         poses = motion.poses(_split(motion, poses.arc_lengths, off))
 
 
-def _laid_out(motion: CourseMotion, breaks: Floats, tolerance: float, axis_tolerance: float) -> Floats:
+def _laid_out(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Floats:
     """Block ends by the chord-error law: over a length h the error is (h^2 / 8) times the second derivative."""
     knots = motion.curve.knots
     share = _chord_load(motion, tolerance * LAYOUT_SHARE, axis_tolerance * LAYOUT_SHARE) * np.diff(knots)
@@ -135,13 +134,9 @@ def _laid_out(motion: CourseMotion, breaks: Floats, tolerance: float, axis_toler
     part = (np.arange(len(first)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[first]
     candidates = np.append(knots[first] + part * np.diff(knots)[first], knots[-1])
     load = np.concatenate([[0.0], np.cumsum((share / pieces)[first])])
-    # A break splits an interval; load is linear in it.
-    load_at_breaks = np.interp(breaks, candidates, load)
-    inner = candidates[(candidates > breaks[0]) & (candidates < breaks[-1])]
-    span = np.searchsorted(breaks, inner, side="right") - 1
-    spent = np.floor(np.interp(inner, candidates, load) - load_at_breaks[span])
-    last_before_full = (spent[1:] > spent[:-1]) & (span[1:] == span[:-1])
-    return np.union1d(breaks, inner[:-1][last_before_full])
+    # A block ends at the last candidate before its load is full.
+    spent = np.floor(load[1:-1])
+    return np.concatenate([knots[:1], candidates[1:-2][spent[1:] > spent[:-1]], knots[-1:]])
 
 
 def _chord_load(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Floats:

@@ -30,7 +30,7 @@ def motion_of(course: Toolpath, kinematics: gantry.Kinematics = "roller", radius
 
 
 def ends_of(motion: CourseMotion, tolerance: float = 2e-5, axis_tolerance: float = 0.005 * DEG) -> Poses:
-    return block_ends(motion, np.array([0.0, motion.curve.length]), tolerance, axis_tolerance)
+    return block_ends(motion, tolerance, axis_tolerance)
 
 
 def full(joints: Floats) -> Floats:
@@ -86,14 +86,6 @@ def test_half_the_tolerance_takes_about_root_two_times_the_blocks() -> None:
     motion = motion_of(helix_course(n=2001))
     coarse, fine = (len(ends_of(motion, tolerance).arc_lengths) - 1 for tolerance in (2e-5, 5e-6))
     assert 1.7 <= fine / coarse <= 2.3
-
-
-def test_blocks_end_at_every_break() -> None:
-    breaks = np.array([0.0, 0.0600001, 0.25, 0.5999, 0.6])
-    for course in (flat_course(), helix_course()):
-        ends = block_ends(motion_of(course), breaks, 2e-5, 1e-4).arc_lengths
-        assert np.isin(breaks, ends).all()
-        assert np.all(np.diff(ends) > 0)
 
 
 def test_c_is_unwrapped_along_the_course() -> None:
