@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
+from codecs import getincrementaldecoder
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +31,8 @@ CHORD_SLACK = 0.05e-3
 """... and by this much more, in metres."""
 LONGEST_LINE = 1000
 """Characters of a line without its comment; a point takes less than 200 however it is printed."""
+MOST_FAULTS = 100_000
+"""Lines with a fault after which reading stops."""
 
 _COLUMNS = ("x", "y", "z", "nx", "ny", "nz", "arc length")
 _QUOTED = 40
@@ -37,7 +40,8 @@ _BATCH = 1 << 18  # bytes of numbers that are worked on at once: they stay in a 
 _SHORT = 15  # digits that a double holds exactly, whatever they are
 _POWERS_OF_TEN = 10.0 ** np.arange(_SHORT)
 _MARKS = (b"\xef\xbb\xbf", b"\x84\x31\x95\x33")  # the byte order mark in UTF-8 and in GB18030
-_COMMENT = re.compile(rb"#[^\r\n]*")
+# Older C libraries print what is no number as 1.#QNAN, -1.#IND or 1.#INF: there # is no comment.
+_COMMENT = re.compile(rb"(?<![0-9]\.)#[^\r\n]*")
 _CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 # Python's float() also takes underscores and the digits of other scripts; a course file's numbers are plain ASCII.
 _NUMBER = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -404,7 +408,10 @@ def _careful(text: bytes, data: bytes, name: str) -> _Table:
     if faults := _no_text(text, data):
         raise CourseFileRefused(name, faults)
     reader = _Reader(text)
-    reader.read()
+    try:
+        reader.read()
+    except _Hopeless:
+        raise CourseFileRefused(name, reader.faults) from None
     table = reader.table()
     faults = sorted([*reader.faults, *_geometric_faults(table, reader)], key=lambda fault: fault.line)
     if faults:
@@ -439,10 +446,14 @@ def _quote(text: bytes) -> str:
     """The beginning of a text as a message shows it; what cannot be seen is escaped."""
     start = text[: 4 * _QUOTED]
     try:
-        shown = start.decode("utf-8")
+        shown = getincrementaldecoder("utf-8")().decode(start)  # which leaves out a character that the cut divides
     except UnicodeDecodeError:
         shown = start.decode("gb18030", errors="replace")
     return repr(shown[:_QUOTED]) + ("..." if len(shown) > _QUOTED or len(text) > len(start) else "")
+
+
+class _Hopeless(Exception):
+    """The file has so many faults that more of them say nothing new."""
 
 
 class _Reader:
@@ -469,7 +480,16 @@ class _Reader:
             self._refuse(0, "no course; expected a course number, `start`, a cut angle, points and `end`")
         at = 0
         while at < len(self.lines):
-            at = self._course(at)
+            if not self._is_number(at):
+                self._refuse(
+                    self.lines[at][0],
+                    "expected a course number (a whole number of at most 9 digits) alone on its line before `start`, "
+                    f"got {self._got(at)}; give each course a number and close it with `end`",
+                )
+            while at < len(self.lines) and not self._is_number(at) and not self._is(at, b"start"):
+                at += 1
+            if at < len(self.lines):
+                at = self._course(at)
 
     def table(self) -> _Table:
         """What was read; rows that could not be read are NaN."""
@@ -479,6 +499,9 @@ class _Reader:
 
     def _refuse(self, line: int, sentence: str) -> None:
         self.faults.append(Fault(line, sentence))
+        if len(self.faults) == MOST_FAULTS:
+            self.faults.append(Fault(line, "too many faults; the file was read up to here"))
+            raise _Hopeless
 
     def _is(self, at: int, keyword: bytes) -> bool:
         return at < len(self.lines) and len(self.lines[at][1]) == 1 and self.lines[at][1][0].lower() == keyword
@@ -498,48 +521,39 @@ class _Reader:
         return len(self.lines)
 
     def _course(self, at: int) -> int:
-        """Read one course from line `at` of `lines`; returns where to go on."""
-        if not self._is_number(at) and not self._is(at, b"start"):
-            self._refuse(
-                self.lines[at][0],
-                f"expected a course number (a whole number of at most 9 digits) alone on its line, got {self._got(at)}",
-            )
-            while at < len(self.lines) and not self._is_number(at) and not self._is(at, b"start"):
-                at += 1
-            return at
-        at = self._number(at)
+        """Read one course from its number, or `start` where that is missing; returns where to go on."""
         self.counts.append(0)
         self.cut_angles.append((math.nan, math.nan))
+        if self._is_number(at):
+            self._number(at)
+            at += 1
+        else:
+            self.numbers.append(-1)
+            self.labels.append("course without a number")
         for expected, read in (("`start`", self._start), ("the cut angle", self._angles)):
             if at == len(self.lines):
                 return self._cut_off(expected)
             at = read(at)
         return self._points(at)
 
-    def _number(self, at: int) -> int:
+    def _number(self, at: int) -> None:
         line, words = self.lines[at]
-        if not self._is_number(at):
-            self.numbers.append(-1)
-            self.labels.append("course without a number")
-            self._refuse(line, "expected a course number before `start`; give the course a number on a line of its own")
-            return at
         number = int(words[0])
         self.numbers.append(number)
         self.labels.append(f"course {number}")
         if number in self._first_lines:
             self._refuse(
                 line,
-                f"course {number}: the number is taken by the course on line {self._first_lines[number]}; "
-                "expected a number of its own for each course",
+                f"course {number}: expected a number of its own for each course, got that of line "
+                f"{self._first_lines[number]} again; renumber one of the two",
             )
         self._first_lines.setdefault(number, line)
-        return at + 1
 
     def _start(self, at: int) -> int:
         if self._is(at, b"start"):
             return at + 1
         line, words = self.lines[at]
-        self._refuse(line, f"{self.labels[-1]}: expected `start` after the course number, got {self._got(at)}")
+        self._refuse(line, f"{self.labels[-1]}: expected `start` after the course number, got {self._got(at)}; add it")
         goes_on = _NUMBER.fullmatch(words[0]) is not None or self._is(at, b"end")
         return at if goes_on else at + 1
 
@@ -547,14 +561,14 @@ class _Reader:
         line, words = self.lines[at]
         expected = f"{self.labels[-1]}: expected the cut angle in degrees, or one for each end,"
         if self._is(at, b"end") or len(words) == len(_COLUMNS):
-            self._refuse(line, f"{expected} before the points, got {self._got(at)}")
+            self._refuse(line, f"{expected} before the points, got {self._got(at)}; add it")
             return at
         if len(words) > 2:
-            self._refuse(line, f"{expected} got {len(words)} words: {self._got(at)}")
+            self._refuse(line, f"{expected} got {len(words)} words: {self._got(at)}; correct the line")
             return at + 1
         angles = [_cut_angle(word) for word in words]
         if math.isnan(sum(angles)):
-            self._refuse(line, f"{expected} greater than 0 and less than 180, got {self._got(at)}")
+            self._refuse(line, f"{expected} greater than 0 and less than 180, got {self._got(at)}; correct it")
         self.cut_angles[-1] = (angles[0], angles[-1])
         return at + 1
 
@@ -564,7 +578,8 @@ class _Reader:
                 return self._cut_off("`end`")
             if self._is(at, b"start") or (self._is_number(at) and self._is(at + 1, b"start")):
                 self._refuse(
-                    self.lines[at][0], f"{self.labels[-1]}: expected a point or `end`, got the next course; close it"
+                    self.lines[at][0],
+                    f"{self.labels[-1]}: expected `end` before the next course, got {self._got(at)}; add it",
                 )
                 return at
             self._point(at)
@@ -583,13 +598,17 @@ class _Reader:
         point = f"{self.labels[-1]}, point {self.counts[-1]}"
         if len(words) != len(_COLUMNS):
             self._refuse(
-                line, f"{point}: expected 7 columns (x y z nx ny nz arc length), got {len(words)}: {self._got(at)}"
+                line,
+                f"{point}: expected 7 columns between blanks (x y z nx ny nz arc length), got {len(words)}: "
+                f"{self._got(at)}; correct the line",
             )
             values = [math.nan] * len(_COLUMNS)
         elif bad := [i for i, value in enumerate(values) if not math.isfinite(value)]:
             got = ", ".join(_quote(words[i]) for i in bad)
             self._refuse(
-                line, f"{point}: expected a finite number for {', '.join(_COLUMNS[i] for i in bad)}, got {got}"
+                line,
+                f"{point}: expected a finite number for {', '.join(_COLUMNS[i] for i in bad)}, got {got}; "
+                "correct or remove the point",
             )
         self.rows.append(values)
         self.row_lines.append(line)
@@ -605,20 +624,23 @@ def _geometric_faults(table: _Table, reader: _Reader) -> list[Fault]:
         return Fault(reader.row_lines[row], f"{reader.labels[courses[row]]}, point {points[row]}: {sentence}")
 
     faults = [
-        fault(row, "the normal has length zero; expected the direction out of the surface, of any other length")
+        fault(row, "expected the direction out of the surface as normal, got one of length zero; correct it")
         for row in np.flatnonzero(table.without_normal).tolist()
     ]
     for step in np.flatnonzero(steps.standing | steps.falling | steps.off).tolist():
         chord, growth = 1000.0 * steps.chords[step], 1000.0 * steps.growths[step]
         if steps.standing[step]:
-            sentence = "the point repeats the one before; leave one of the two out"
+            sentence = "expected another place than that of the point before, got the same; remove one of the two"
         elif steps.falling[step]:
             first, second = table.rows[step : step + 2, 6].tolist()
-            sentence = f"expected an arc length greater than {first!r} mm of the point before, got {second!r} mm"
+            sentence = (
+                f"expected an arc length greater than the {first!r} mm of the point before, got {second!r} mm; "
+                "measure it again"
+            )
         else:
             sentence = (
-                f"the arc length grows by {growth:.4f} mm over a chord of {chord:.4f} mm; expected the two to agree "
-                f"within {100 * CHORD_SHARE:g} % + {1000 * CHORD_SLACK:g} mm: measure the arc length again"
+                f"expected the arc length to grow by the chord of {chord:.4f} mm, within {100 * CHORD_SHARE:g} % + "
+                f"{1000 * CHORD_SLACK:g} mm, got {growth:.4f} mm; measure it again"
             )
         faults.append(fault(step + 1, sentence))
     return faults
