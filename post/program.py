@@ -51,7 +51,7 @@ def write(verified: Verified, controller: Controller, provenance: Provenance) ->
     trajectory = verified.trajectory
     if not len(trajectory):
         raise NotWritable("the trajectory has no blocks, so there is no program to write")
-    columns = [_column(axis, trajectory, index) for axis, index in controller.addressed(trajectory.axes)]
+    columns = _columns(trajectory, controller.addressed(trajectory.axes))
     durations, pauses = _times(trajectory, columns, 10**controller.codes.dwell_decimals)
     feeds = _feeds(trajectory.kinds, durations, columns, controller)
     starts = _starts(trajectory.courses)
@@ -73,23 +73,27 @@ class _Column:
     Attributes:
         axis: the axis word.
         joint: the joint behind it.
-        numbers: (n,) what is written, in units of the last decimal, 0 where unknown.
-        steps: (n,) change from the block before in the same units, 0 where that is unknown.
+        numbers: (n + 1,) what is written at the start and after each block, in units of the last decimal; as long as
+            the axis is unknown, what it will first be.
         written: (n,) where the word stands.
     """
 
     axis: AxisWord
     joint: str
     numbers: Ints
-    steps: Ints
     written: Mask
+
+    def steps(self, blocks: Ints) -> Floats:
+        """Change (m,) within the (m,) blocks, in written units."""
+        return (self.numbers[blocks + 1] - self.numbers[blocks]) / 10.0**self.axis.decimals
 
     def check(self, limit: float) -> None:
         """Refuse words beyond the largest magnitude, in written units."""
-        beyond = self.written & (np.abs(self.numbers) > limit * 10**self.axis.decimals)
-        if beyond.any():
-            block = int(np.argmax(beyond))
-            value = self.numbers[block] / 10**self.axis.decimals
+        numbers = self.numbers[1:]
+        largest = limit * 10**self.axis.decimals
+        if max(numbers.max(), -numbers.min()) > largest:
+            block = int(np.argmax(np.abs(numbers) > largest))
+            value = numbers[block] / 10**self.axis.decimals
             largest = f"{limit:.{self.axis.decimals}f}"
             raise NotWritable(
                 f"block {block}: axis {self.joint} would be at {value:.3f} {self.axis.unit}, beyond the largest word "
@@ -120,50 +124,73 @@ class _Rows:
     comments: Ints
 
 
-def _column(axis: AxisWord, trajectory: Trajectory, index: int) -> _Column:
-    """Words of one axis; `index` is its column in the trajectory."""
+def _columns(trajectory: Trajectory, axes: Sequence[tuple[AxisWord, int]]) -> list[_Column]:
+    """Words of every axis; each axis comes with its column in the trajectory."""
+    count = len(trajectory)
+    numbers = [np.empty(count + 1, dtype=np.int64) for _ in axes]
+    # How many values are unknown, and where the last of them stands; they agree where only the beginning is unknown.
+    unknown, unknown_to = [0] * len(axes), [0] * len(axes)
+    for first in range(0, count + 1, CHUNK):
+        page = trajectory.positions[max(first - 1, 0) : first - 1 + CHUNK]
+        if first == 0:
+            page = np.vstack([trajectory.start, page])
+        gaps = bool(np.isnan(page.sum()))
+        for place, (axis, index) in enumerate(axes):
+            values = page[:, index] * (1e3 if axis.unit == "mm" else 180.0 / np.pi)
+            if gaps:
+                gap = np.flatnonzero(np.isnan(values))
+                values[gap] = 0.0
+                unknown[place] += len(gap)
+                unknown_to[place] = first + int(gap[-1]) + 1 if len(gap) else unknown_to[place]
+            try:
+                numbers[place][first : first + CHUNK] = rounded(values, axis.decimals)
+            except ValueError as error:
+                raise NotWritable(f"axis {trajectory.axes[index]}: {error}") from None
+    moving = _moving(trajectory)
+    return [
+        _column(axis, trajectory, index, numbers[place], unknown[place], unknown_to[place], moving)
+        for place, (axis, index) in enumerate(axes)
+    ]
+
+
+def _column(
+    axis: AxisWord, trajectory: Trajectory, index: int, numbers: Ints, unknown: int, unknown_to: int, moving: Mask
+) -> _Column:
+    """Words of one axis from its rounded numbers; of these the first `unknown` must be all that are unknown."""
     joint = trajectory.axes[index]
-    moving = np.isin(trajectory.kinds, MOTIONS)
-    stated = (trajectory.stated >> np.uint16(index)) & np.uint16(1) > 0
-    values = np.empty(len(trajectory) + 1)
-    values[0] = trajectory.start[index]
-    values[1:] = trajectory.positions[:, index]
-    unknown = np.isnan(values)
-    known_from = int(np.argmin(unknown)) if not unknown.all() else len(values)
-    if unknown[known_from:].any():
-        block = known_from + int(np.argmax(unknown[known_from:])) - 1
+    if unknown != unknown_to:
+        gap = np.isnan(trajectory.positions[:, index])
+        first = int(np.argmin(np.isnan(np.append(trajectory.start[index], trajectory.positions[:, index]))))
+        block = first + int(np.argmax(gap[first:]))
         raise NotWritable(f"block {block}: the position of axis {joint} is not a number, though it was known before")
-    unstated = unknown[1:] & ((moving & (trajectory.kinds != Kind.RAPID)) | (moving & stated))
-    if unstated.any():
-        raise NotWritable(f"block {int(np.argmax(unstated))}: axis {joint} is used before a rapid has stated it")
-    values[:known_from] = 0.0
-    values *= 1e3 if axis.unit == "mm" else 180.0 / np.pi
-    try:
-        numbers = rounded(values, axis.decimals)
-    except ValueError as error:
-        raise NotWritable(f"axis {joint}: {error}") from None
-    steps = np.diff(numbers)
-    if 0 < known_from < len(values):
-        steps[known_from - 1] = 0
-    written = steps != 0
-    if np.any(written & ~moving):
-        raise NotWritable(
-            f"block {int(np.argmax(written & ~moving))}: axis {joint} changes in a block that is no motion"
-        )
-    written |= stated & moving
+    stated = np.flatnonzero((trajectory.stated & np.uint16(1 << index)) > 0)
+    early = slice(0, max(unknown - 1, 0))
+    feeding = moving[early] & (trajectory.kinds[early] != Kind.RAPID)
+    used = [*np.flatnonzero(feeding).tolist(), *stated[stated < early.stop].tolist()]
+    if used:
+        raise NotWritable(f"block {min(used)}: axis {joint} is used before a rapid has stated it")
+    numbers[:unknown] = numbers[unknown] if unknown < len(numbers) else 0
+    written = numbers[1:] != numbers[:-1]
+    still = written & ~moving
+    if still.any():
+        raise NotWritable(f"block {int(np.argmax(still))}: axis {joint} changes in a block that is no motion")
+    written[stated[moving[stated]]] = True
     # Nothing is stated until the text has stated it, whatever the trajectory says of its start.
-    written[np.flatnonzero(moving & ~unknown[1:])[:1]] = True
-    return _Column(axis, joint, numbers[1:], steps, written)
+    written[early.stop + np.flatnonzero(moving[early.stop :])[:1]] = True
+    return _Column(axis, joint, numbers, written)
+
+
+def _moving(trajectory: Trajectory) -> Mask:
+    motions = np.zeros(256, dtype=bool)
+    motions[list(MOTIONS)] = True
+    return motions[trajectory.kinds]
 
 
 def _times(trajectory: Trajectory, columns: Sequence[_Column], units: int) -> tuple[Floats, Ints]:
     """Durations (n,) of straight blocks in seconds with those of dropped blocks added, and dwells (n,) in units."""
-    moving = np.isin(trajectory.kinds, MOTIONS)
-    written = np.zeros(len(trajectory), dtype=bool)
-    moved = np.zeros(len(trajectory), dtype=bool)
-    for column in columns:
-        written |= column.written
-        moved |= column.steps != 0
+    moving = _moving(trajectory)
+    written = np.logical_or.reduce([column.written for column in columns])
+    moved = _moved(columns)
     still = written & ~moved & moving & (trajectory.kinds != Kind.RAPID)
     if still.any():
         raise NotWritable(
@@ -191,7 +218,7 @@ def _times(trajectory: Trajectory, columns: Sequence[_Column], units: int) -> tu
 
 def _feeds(kinds: np.ndarray, durations: Floats, columns: Sequence[_Column], controller: Controller) -> Floats:
     """Feed (n,) of each straight block that moves, by the control's rule; 0 elsewhere."""
-    straight = np.flatnonzero((kinds == Kind.LINEAR) & np.logical_or.reduce([column.steps != 0 for column in columns]))
+    straight = np.flatnonzero((kinds == Kind.LINEAR) & _moved(columns))
     minutes = durations[straight] / 60.0
     if not np.all(minutes > 0.0):
         raise NotWritable(f"block {straight[~(minutes > 0.0)][0]}: moves in no time, so it has no feed")
@@ -199,22 +226,33 @@ def _feeds(kinds: np.ndarray, durations: Floats, columns: Sequence[_Column], con
     if controller.feed.mode == "inverse_time":
         feeds[straight] = 1.0 / minutes
         return feeds
-    changes = {column.axis.address: np.abs(column.steps[straight]) / 10.0**column.axis.decimals for column in columns}
+    lengths = np.zeros(len(straight))
+    for group in controller.feed.path:
+        rest = np.flatnonzero(lengths == 0.0)
+        lengths[rest] = _norm([column for column in columns if column.axis.address in group], straight[rest])
+    rest = np.flatnonzero(lengths == 0.0)
     if controller.feed.otherwise == "largest":
-        length = np.maximum.reduce(list(changes.values()))
+        lengths[rest] = np.maximum.reduce([np.abs(column.steps(straight[rest])) for column in columns])
     else:
-        length = _norm(list(changes.values()))
-    for group in reversed(controller.feed.path):
-        along = _norm([changes[address] for address in group if address in changes])
-        length = np.where(along > 0.0, along, length)
-    feeds[straight] = length / minutes
+        lengths[rest] = _norm(columns, straight[rest])
+    feeds[straight] = lengths / minutes
     return feeds
 
 
-def _norm(changes: Sequence[Floats]) -> Floats:
-    total = np.zeros(len(changes[0]) if changes else 1)
-    for change in changes:
-        total = total + change * change
+def _moved(columns: Sequence[_Column]) -> Mask:
+    """Blocks (n,) in which a rounded number changes."""
+    moved = np.zeros(len(columns[0].written), dtype=bool)
+    for column in columns:
+        moved |= column.numbers[1:] != column.numbers[:-1]
+    return moved
+
+
+def _norm(columns: Sequence[_Column], blocks: Ints) -> Floats:
+    """Root (m,) of the summed squares of the axes' changes within the (m,) blocks."""
+    total = np.zeros(len(blocks))
+    for column in columns:
+        steps = column.steps(blocks)
+        total += steps * steps
     return np.sqrt(total)
 
 
@@ -226,8 +264,9 @@ def _starts(courses: np.ndarray) -> Ints:
 
 def _reset(column: _Column, starts: Ints) -> _Column:
     """Words of the tape's axis counted from each course's start."""
-    zeros = np.where(starts > 0, column.numbers[starts - 1], 0)
-    epochs = np.cumsum(np.bincount(starts, minlength=len(column.numbers)))
+    epochs = np.cumsum(np.bincount(starts + 1, minlength=len(column.numbers)))
+    known = np.flatnonzero(column.written)[:1]
+    zeros = np.where(starts > known, column.numbers[starts], 0)
     return replace(column, numbers=column.numbers - np.concatenate([[0], zeros])[epochs])
 
 
@@ -318,7 +357,7 @@ def _feed_digits(feeds: Floats, digits: int) -> tuple[Ints, Ints]:
             f"a block has a feed of {feeds[written].min():.3g} per minute; make its standing time a dwell of its own"
         )
     numbers = np.zeros(len(feeds), dtype=np.int64)
-    for count in np.unique(decimals[written]).tolist():
+    for count in np.flatnonzero(np.bincount(decimals[written])).tolist():
         at = np.flatnonzero(written & (decimals == count))
         numbers[at] = rounded(feeds[at], count)
     return numbers, decimals
@@ -370,13 +409,13 @@ def _page(
         at = np.flatnonzero(column.written[blocks] & present)
         if len(at):
             address = f" {column.axis.address}".encode("ascii")
-            cells.append((at, words(address, column.numbers[blocks[at]], column.axis.decimals)))
+            cells.append((at, words(address, column.numbers[blocks[at] + 1], column.axis.decimals)))
     at = np.flatnonzero(rows.pauses[page])
     if len(at):
         address = f" {controller.codes.dwell_address}".encode("ascii")
         cells.append((at, words(address, rows.pauses[page][at], controller.codes.dwell_decimals)))
     feeds, decimals = rows.feeds[page], rows.feed_decimals[page]
-    for digits in np.unique(decimals[feeds > 0]).tolist():
+    for digits in np.flatnonzero(np.bincount(decimals[feeds > 0])).tolist():
         at = np.flatnonzero((feeds > 0) & (decimals == digits))
         cells.append((at, words(f" {controller.feed.address}".encode("ascii"), feeds[at], digits)))
     cells.append((None, literals([b"\n"])))

@@ -104,24 +104,28 @@ def read(
     words = _tokens(source, controller)
     blocks = _blocks(source, words, controller)
     paths = [_path(blocks, axis.address) for axis, _ in axes]
-    moved = np.logical_or.reduce([np.abs(path.steps) > 0.0 for path in paths])
+    moved = np.zeros(len(blocks.rows), dtype=bool)
+    for path in paths:
+        moved[path.blocks[np.abs(path.steps) > 0.0]] = True
     feeds = _feeds(blocks, moved)
     source.refuse()
-    scales = [np.deg2rad if axis.unit == "deg" else _metres for axis, _ in axes]
     positions = np.empty((len(blocks.rows), len(machine_axes)))
     stated = np.zeros(len(blocks.rows), dtype=np.uint16)
-    rapid_times = np.zeros(len(blocks.rows))
-    for path, scale, (_, index) in zip(paths, scales, axes, strict=True):
-        positions[:, index] = scale(path.positions)
-        stated |= path.stated.astype(np.uint16) << np.uint16(index)
-        # A step from where nothing was stated is NaN, which fmax passes over.
-        rapid_times = np.fmax(rapid_times, np.abs(scale(path.steps)) / speeds[machine_axes[index]])
-    lengths = _lengths({axis.address: path.steps for path, (axis, _) in zip(paths, axes, strict=True)}, controller)
     durations = np.where(blocks.kinds == Kind.DWELL, blocks.pauses, 0.0)
-    durations = np.where(blocks.kinds == Kind.RAPID, rapid_times, durations)
-    straight = (blocks.kinds == Kind.LINEAR) & moved
-    lengths = np.where(blocks.inverse, 1.0, lengths)
-    durations[straight] = 60.0 * lengths[straight] / feeds[straight]
+    for path, (axis, index) in zip(paths, axes, strict=True):
+        scale = np.deg2rad if axis.unit == "deg" else _metres
+        first = path.blocks[0] if len(path.blocks) else len(positions)
+        positions[:first, index] = np.nan
+        lengths = np.diff(path.blocks, append=len(positions))
+        positions[first:, index] = np.repeat(scale(path.positions), lengths)
+        stated[path.blocks] |= np.uint16(1 << index)
+        # A step from where nothing was stated is NaN, which fmax passes over.
+        rapid = np.flatnonzero(blocks.kinds[path.blocks] == Kind.RAPID)
+        times = np.abs(scale(path.steps[rapid])) / speeds[machine_axes[index]]
+        durations[path.blocks[rapid]] = np.fmax(durations[path.blocks[rapid]], times)
+    straight = np.flatnonzero((blocks.kinds == Kind.LINEAR) & moved)
+    lengths = _lengths({axis.address: path for path, (axis, _) in zip(paths, axes, strict=True)}, moved, controller)
+    durations[straight] = 60.0 * np.where(blocks.inverse, 1.0, lengths)[straight] / feeds[straight]
     trajectory = Trajectory(
         axes=tuple(machine_axes),
         start=np.full(len(machine_axes), np.nan),
@@ -166,10 +170,9 @@ class _Source:
             raise ProgramRefused(name, [Fault(0, "is a binary file, no NC program")])
         if b"\r" in text:
             text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        self.plain = text.removeprefix(b"\xef\xbb\xbf") + b"\n"
+        self.plain = bytearray(text.removeprefix(b"\xef\xbb\xbf") + b"\n")
         self._take_comments(controller.blocks.comment)
-        blocks = (controller.blocks.first_line, controller.blocks.last_line, *controller.codes.no_effect)
-        for block in blocks:
+        for block in (controller.blocks.first_line, controller.blocks.last_line, *controller.codes.no_effect):
             if block and not re.fullmatch(r"[A-Z]|G[\d.]+", block):
                 self._take_block(block)
         if not self.plain.isascii():
@@ -180,11 +183,9 @@ class _Source:
     def _take_comments(self, style: str) -> None:
         """Take the comments out of the text, blanks in their place."""
         text = self.plain
-        data = np.frombuffer(text, dtype=np.uint8)
-        begins = np.flatnonzero(np.logical_or.reduce([data == ord(sign) for sign in style]))
-        plain = bytearray(text) if len(begins) else bytearray()
         end = line = counted = 0
-        for begin in begins.tolist():
+        begins = [np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord(sign)) for sign in style]
+        for begin in np.sort(np.concatenate(begins)).tolist():
             if begin < end:
                 continue
             line += text.count(b"\n", counted, begin)
@@ -198,10 +199,8 @@ class _Source:
             if text[begin] == ord("(") and b"(" in inside:
                 self._fault_at(begin, "a comment begins within this comment; close it before")
             end = min(closed + 1, line_end)
-            plain[begin:end] = b" " * (end - begin)
+            text[begin:end] = b" " * (end - begin)
             self.comments.append(Comment(line + 1, inside.decode("utf-8", "replace").strip()))
-        if len(begins):
-            self.plain = bytes(plain)
 
     def _take_block(self, block: str) -> None:
         """Blank the lines that consist of a block, but for spaces, case and a block number."""
@@ -213,7 +212,7 @@ class _Source:
             begin, end = self.plain.rfind(b"\n", 0, at) + 1, self.plain.index(b"\n", at)
             line = self.plain[begin:end].upper().translate(None, b" \t")
             if re.sub(rb"^N\d+", b"", line) == wanted:
-                self.plain = self.plain[:begin] + b" " * (end - begin) + self.plain[end:]
+                self.plain[begin:end] = b" " * (end - begin)
             at = self.plain.find(sign, end)
 
     def _fault_at(self, byte: int, sentence: str) -> None:
@@ -276,10 +275,15 @@ class _Words:
         for second in (np.flatnonzero(np.diff(self.lines[found]) == 0) + 1).tolist():
             self.fault(int(found[second]), f"a second {what} in one block; write it in a block of its own")
 
-    def by_line(self, letter: int, shown: str) -> Floats:
-        """Number (lines,) after an address in each line, NaN where it does not stand."""
+    def of(self, letter: int, shown: str) -> Ints:
+        """Indices of the words with an address, of which a line has one at most."""
         found = np.flatnonzero(self.letters == letter)
         self.once(found, f"{shown} word")
+        return found
+
+    def by_line(self, letter: int, shown: str) -> Floats:
+        """Number (lines,) after an address in each line, NaN where it does not stand."""
+        found = self.of(letter, shown)
         values = np.full(self.line_count, np.nan)
         values[self.lines[found]] = self.values[found]
         return values
@@ -292,7 +296,7 @@ class _Words:
 
 def _tokens(source: _Source, controller: Controller) -> _Words:
     """Words of the text: letters and numbers with any spaces between them."""
-    text = source.plain.translate(bytes(range(256)).upper(), b" \t")
+    text = bytes(source.plain.translate(bytes(range(256)).upper(), b" \t"))
     extended = [axis.address for axis in controller.axes if len(axis.address) > 1]
     for number, address in enumerate(extended):
         text = text.replace(address.encode("ascii"), bytes([_EXTENDED + number]))
@@ -382,7 +386,7 @@ def _digits(eights: Eights, length: Ints) -> tuple[Eights, Ints, Mask]:
     zero = (difference - _eight(0x01)) & ~difference & _eight(0x80)
     # One bit at the point's byte; the product's top byte is then the byte of the factor with that place.
     place = ((zero >> np.uint64(7)) * np.uint64(0x0706050403020100)) >> np.uint64(56)
-    point = np.where(zero == 0, -1, place.astype(np.int64))
+    point = np.where(zero == 0, -1, np.minimum(place, np.uint64(7)).astype(np.int64))
     without = np.where(zero == 0, digits, digits & ~((zero << np.uint64(1)) - (zero >> np.uint64(7))))
     single = (zero & (zero - np.uint64(1))) == 0
     good = single & ((((without + _eight(0x76)) | without) & _eight(0x80)) == 0)
@@ -411,6 +415,7 @@ class _Blocks:
     Attributes:
         words: the words of the text.
         rows: (n,) lines (from 0) that are blocks of the trajectory.
+        of_line: (lines,) block of each line that is one.
         kinds: (n,) `Kind` of each.
         events: (n,) `Event` of each.
         pauses: (n,) seconds of each dwell, NaN elsewhere.
@@ -419,12 +424,13 @@ class _Blocks:
         mode_changes: (lines,) where a feed mode is stated.
         incremental: (lines,) whether axis words are increments.
         sets: (lines,) whether axis words set the present position.
-        axes: numbers (lines,) of each axis address, NaN without.
+        axes: indices of the words of each axis address.
         letters: one byte for each axis address, as in the words.
     """
 
     words: _Words
     rows: Ints
+    of_line: Ints
     kinds: NDArray[np.uint8]
     events: NDArray[np.uint8]
     pauses: Floats
@@ -433,7 +439,7 @@ class _Blocks:
     mode_changes: Mask
     incremental: Mask
     sets: Mask
-    axes: Mapping[str, Floats]
+    axes: Mapping[str, Ints]
     letters: Mapping[str, int]
 
     def fault(self, line: int, address: str, sentence: str) -> None:
@@ -449,8 +455,10 @@ def _blocks(source: _Source, words: _Words, controller: Controller) -> _Blocks:
         axis.address: _EXTENDED + extended.index(axis.address) if axis.address in extended else ord(axis.address)
         for axis in controller.axes
     }
-    axes = {address: words.by_line(letter, address.rstrip("=")) for address, letter in letter_of.items()}
-    has_axis = np.logical_or.reduce([~np.isnan(values) for values in axes.values()])
+    axes = {address: words.of(letter, address.rstrip("=")) for address, letter in letter_of.items()}
+    has_axis = np.zeros(words.line_count, dtype=bool)
+    for found in axes.values():
+        has_axis[words.lines[found]] = True
     groups = _preparatory(words, controller)
     action = groups[_ACTION]
     dwells, sets = action == _DWELL, action == _SET
@@ -490,13 +498,15 @@ def _blocks(source: _Source, words: _Words, controller: Controller) -> _Blocks:
     distance, feed_mode = groups[_DISTANCE], groups[_FEED_MODE]
     kind = np.where(moves, np.where(mode == _RAPID, Kind.RAPID, Kind.LINEAR), Kind.SWITCH).astype(np.uint8)
     kind[dwells] = Kind.DWELL
-    rows = np.flatnonzero(moves | dwells | (event > 0))
+    blocks = moves | dwells | (event > 0)
+    rows = np.flatnonzero(blocks)
     source.refuse()
     if not len(rows):
         raise ProgramRefused(source.name, [Fault(0, "the program has no blocks")])
     return _Blocks(
         words=words,
         rows=rows,
+        of_line=np.cumsum(blocks) - 1,
         kinds=kind[rows],
         events=event[rows],
         pauses=pauses[rows],
@@ -586,65 +596,59 @@ class _Path:
     """How one axis moves, in the unit it is written in.
 
     Attributes:
-        positions: (n,) at each block's end, NaN until a rapid states it.
-        steps: (n,) change within each block.
-        stated: (n,) where its word stands.
+        blocks: (m,) blocks in which its word stands.
+        positions: (m,) at the end of each.
+        steps: (m,) change within each, NaN in the first.
     """
 
+    blocks: Ints
     positions: Floats
     steps: Floats
-    stated: Mask
 
 
 def _path(blocks: _Blocks, address: str) -> _Path:
     """Motion of an axis: absolute and incremental words, and words that set its position."""
-    written = blocks.axes[address]
-    rows = blocks.rows
-    increments = np.full(len(written), np.nan)
-    if np.any((blocks.incremental | blocks.sets) & ~np.isnan(written)):
-        written, increments = _absolute(blocks, address)
-    ends = written[rows]
-    stated = ~np.isnan(ends)
-    # Before the first word the first row is carried, which is then NaN itself.
-    positions = ends[np.maximum.accumulate(np.where(stated, np.arange(len(rows)), 0))]
-    before = np.concatenate([[np.nan], positions[:-1]])
-    increments = increments[rows]
-    steps = np.where(np.isnan(increments), positions - before, increments)
-    unstated = np.flatnonzero((blocks.kinds == Kind.LINEAR) & np.isnan(before))
-    if len(unstated):
+    words = blocks.words
+    lines, values = words.lines[blocks.axes[address]], words.values[blocks.axes[address]]
+    incremental, sets = blocks.incremental[lines], blocks.sets[lines]
+    if np.any(incremental | sets):
+        positions = _absolute(blocks, address, lines, values)
+        lines, values, incremental, positions = lines[~sets], values[~sets], incremental[~sets], positions[~sets]
+    else:
+        positions = values
+    steps = np.diff(positions, prepend=np.nan)
+    steps[incremental] = values[incremental]
+    places = blocks.of_line[lines]
+    straight = np.flatnonzero(blocks.kinds == Kind.LINEAR)[:1]
+    if len(straight) and (not len(places) or straight[0] <= places[0]):
         sentence = f"a feed motion before a rapid has stated axis {address.rstrip('=')}; state every axis first"
-        blocks.words.source.fault(int(rows[unstated[0]]), 0, sentence)
-    return _Path(positions, steps, stated)
+        words.source.fault(int(blocks.rows[straight[0]]), 0, sentence)
+    return _Path(places, positions, steps)
 
 
-def _absolute(blocks: _Blocks, address: str) -> tuple[Floats, Floats]:
-    """Absolute positions and increments (lines,) of an axis with incremental words, or words that set its position."""
-    written = blocks.axes[address]
-    positions, increments = np.full(len(written), np.nan), np.full(len(written), np.nan)
-    lines = np.flatnonzero(~np.isnan(written))
+def _absolute(blocks: _Blocks, address: str, lines: NDArray[np.int32], values: Floats) -> Floats:
+    """Absolute positions (m,) at an axis's words, of which some are incremental or set its position (NaN there)."""
+    positions = np.full(len(lines), np.nan)
     sets = np.flatnonzero(blocks.sets[lines])
     position, offset = np.nan, 0.0
     for begin, end in zip([0, *(sets + 1)], [*sets, len(lines)], strict=True):
-        stretch = lines[begin:end]
+        incremental = blocks.incremental[lines[begin:end]]
+        stretch = values[begin:end]
         if len(stretch):
-            incremental = blocks.incremental[stretch]
-            values = written[stretch]
-            sums = np.cumsum(np.where(incremental, values, 0.0))
+            sums = np.cumsum(np.where(incremental, stretch, 0.0))
             last = np.maximum.accumulate(np.where(incremental, -1, np.arange(len(stretch))))
-            anchor = np.where(last < 0, position, values[last] + offset - sums[last])
-            here = np.where(incremental, anchor + sums, values + offset)
-            lost = np.flatnonzero(np.isnan(here))
+            anchors = np.where(last < 0, position, stretch[last] + offset - sums[last])
+            positions[begin:end] = np.where(incremental, anchors + sums, stretch + offset)
+            lost = np.flatnonzero(np.isnan(positions[begin:end]))
             if len(lost):
                 sentence = f"an increment of {address.rstrip('=')} before a rapid has stated it"
-                blocks.fault(int(stretch[lost[0]]), address, sentence)
-            positions[stretch] = here
-            increments[stretch[incremental]] = values[incremental]
-            position = float(here[-1])
+                blocks.fault(int(lines[begin + lost[0]]), address, sentence)
+            position = float(positions[end - 1])
         if end < len(lines):
             if np.isnan(position):
                 blocks.fault(int(lines[end]), address, f"sets {address.rstrip('=')} before a rapid has stated it")
-            offset = position - float(written[lines[end]])
-    return positions, increments
+            offset = position - float(values[end])
+    return positions
 
 
 def _feeds(blocks: _Blocks, moved: Mask) -> Floats:
@@ -664,15 +668,27 @@ def _feeds(blocks: _Blocks, moved: Mask) -> Floats:
     return feeds
 
 
-def _lengths(steps: Mapping[str, Floats], controller: Controller) -> Floats:
+def _lengths(paths: Mapping[str, _Path], moved: Mask, controller: Controller) -> Floats:
     """Length (n,) of each block that its feed is along, in written units, by the control's rule."""
-    squares = {address: step * step for address, step in steps.items()}
-    over = np.max if controller.feed.otherwise == "largest" else np.sum
-    lengths: Floats = np.sqrt(over(np.array(list(squares.values())), axis=0))
-    for group in controller.feed.path[::-1]:
-        along = sum((squares[address] for address in group if address in squares), np.zeros(len(lengths)))
-        lengths = np.where(along > 0.0, np.sqrt(along), lengths)
+    lengths = _norms([paths[address] for address in controller.feed.path[0] if address in paths], len(moved))
+    for group in controller.feed.path[1:]:
+        norms = _norms([paths[address] for address in group if address in paths], len(moved))
+        lengths = np.where(lengths > 0.0, lengths, norms)
+    rest = moved & ~(lengths > 0.0)
+    if controller.feed.otherwise == "norm":
+        return np.where(rest, _norms(list(paths.values()), len(moved)), lengths)
+    for path in paths.values():
+        here = np.flatnonzero(rest[path.blocks])
+        lengths[path.blocks[here]] = np.fmax(lengths[path.blocks[here]], np.abs(path.steps[here]))
     return lengths
+
+
+def _norms(paths: Sequence[_Path], count: int) -> Floats:
+    """Root (n,) of the summed squares of some axes' changes within each block."""
+    squares = np.zeros(count)
+    for path in paths:
+        squares[path.blocks] += path.steps * path.steps
+    return np.sqrt(squares)
 
 
 def _courses(comments: Sequence[Comment], blocks: _Blocks) -> NDArray[np.int32]:

@@ -87,10 +87,11 @@ def join(rows: int, columns: Iterable[tuple[NDArray[np.int64] | None, Cells]]) -
         columns: for each column the (m,) rows that carry its word (None: every row) and the m words' cells.
     """
     placed = [(_EVERY_ROW if at is None else at, cell) for at, cells in columns for cell in cells]
-    page = np.zeros((rows, len(placed)), dtype=_CELL)
+    page = bytearray(rows * len(placed) * _CELL.itemsize)
+    table = np.frombuffer(page, dtype=_CELL).reshape(rows, -1)
     for column, (at, cell) in enumerate(placed):
-        page[at, column] = cell
-    return page.tobytes().translate(None, b"\0")
+        table[at, column] = cell
+    return bytes(page.translate(None, b"\0"))
 
 
 def _whole(digits: NDArray[np.unsignedinteger]) -> Cells:
