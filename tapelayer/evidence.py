@@ -126,6 +126,84 @@ class Samples:
         return errors
 
 
+@dataclass(frozen=True)
+class CutMade:
+    """A cut that the courses ask for, as the program makes it.
+
+    Attributes:
+        station: where its line meets the tape's centre line, metres.
+        angle: radians from travel towards the left.
+        ending: number of the course whose end it is, 0 for none.
+        starting: number of the course whose start it is, 0 for none.
+        knife: 1 or 2.
+        block: number (from 1) of the block that puts the knife down.
+        line: line of the program (from 1) with that block, 0 where it was not read.
+        error: largest distance of the knife from the line, metres.
+        blade_error: largest angle between blade and line, radians.
+    """
+
+    station: float
+    angle: float
+    ending: int
+    starting: int
+    knife: int
+    block: int
+    line: int
+    error: float
+    blade_error: float
+
+
+@dataclass(frozen=True)
+class LedgerRow:
+    """A course's tape, in metres.
+
+    Attributes:
+        course: its number in the file.
+        length: laid.
+        station: of its start on the tape.
+        waste_roll: left between knife and nip for a new roll before it.
+        waste_formula: before it, that the angles and the scrap margin ask for.
+        waste_knives: before it, until every sweep finds a free knife.
+        laying_stops: places where the tape rests while it is laid.
+        cuts: blocks (from 1) that put a knife down for its two ends.
+    """
+
+    course: int
+    length: float
+    station: float
+    waste_roll: float
+    waste_formula: float
+    waste_knives: float
+    laying_stops: int
+    cuts: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class TapeLedger:
+    """What becomes of the tape.
+
+    Attributes:
+        rows: by course.
+        cuts: in the order of the tape.
+        used: metres from the first leading edge to the last course's end.
+        laying: seconds with the shoe down.
+        threading: seconds of feeding with the shoe up.
+        linking: seconds of everything else.
+    """
+
+    rows: tuple[LedgerRow, ...]
+    cuts: tuple[CutMade, ...]
+    used: float
+    laying: float
+    threading: float
+    linking: float
+
+    @property
+    def waste(self) -> float:
+        """Tape used and not laid, in metres."""
+        return self.used - sum(row.length for row in self.rows)
+
+
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """Every number that was measured, in metres, radians and seconds.
@@ -142,6 +220,8 @@ class Evidence:
         axes: travel and speed of every axis.
         samples: along the courses, at blocks and between.
         tape_width: metres.
+        wrap_radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
+        tape: the tape's ledger.
         failures: what does not hold, worst first within a course; empty where the program passed.
     """
 
@@ -156,6 +236,8 @@ class Evidence:
     axes: tuple[AxisUse, ...]
     samples: Samples
     tape_width: float
+    wrap_radius: float
+    tape: TapeLedger
     failures: tuple[Failure, ...]
 
     @property

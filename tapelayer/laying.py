@@ -208,16 +208,18 @@ class _Program:
         return self._moved(joints, gantry.normals(joints[None, self.pose])[0], self.lift)
 
     def _add_link(self, course: int, approach: Floats) -> None:
-        """Rapids from wherever the head is to the approach point: up, over, down."""
+        """From wherever the head is to the approach point: up, over, down; by feed where a sweep is in progress."""
         z = self.columns["z"]
         at = self.at if self.parts else np.full(len(self.at), np.nan)
         up, over = at.copy(), approach.copy()
         up[z] = over[z] = self.link_height
-        rapids = np.vstack([up, over, approach])
-        steps = np.abs(rapids - np.vstack([at, up, over])) / self.speeds
+        ways = np.vstack([up, over, approach])
+        steps = np.abs(ways - np.vstack([at, up, over])) / self.speeds
+        done = self.tape.laying[course - 1, 1] if course else 0
+        knife_down = self.tape.steps.settled(done) > done
         rows = Rows(
-            joints=rapids,
-            kinds=np.full(3, Kind.RAPID, np.uint8),
+            joints=ways,
+            kinds=np.full(3, Kind.LINEAR if knife_down else Kind.RAPID, np.uint8),
             # From where nothing is stated the time is not known: it counts as none.
             durations=np.max(np.nan_to_num(steps), axis=1),
             events=np.zeros(3, np.uint8),

@@ -184,6 +184,8 @@ class Verification(Section):
     max_roller_tilt_deg: Annotated[Positive, Field(description="roller axis out of the tangent plane")] = 0.05
     max_heading_error_deg: Annotated[Positive, Field(description="roller axis off square to the course")] = 0.05
     max_tape_error_mm: Annotated[Positive, Field(description="tape fed against arc length at the nip")] = 0.05
+    max_cut_error_mm: Annotated[Positive, Field(description="knife off its cut line on the tape")] = 0.05
+    max_blade_error_deg: Annotated[Positive, Field(description="blade off the direction of its cut")] = 0.05
 
 
 class Output(Section):

@@ -119,3 +119,10 @@ class Trajectory:
         """Joint values (m, k) at (m,) fractions (0 begin, 1 end) of the (m,) blocks, straight in joint space."""
         begin = self.begins(blocks)
         return begin + fractions[:, None] * (self.positions[blocks] - begin)
+
+    def at(self, times: Floats) -> Floats:
+        """Joint values (m, k) at (m,) seconds from the program's start, not before the first block's end."""
+        blocks = np.minimum(np.searchsorted(self.times, times), len(self) - 1)
+        spans = self.durations[blocks]
+        left = np.where(spans > 0.0, self.times[blocks] - times, 0.0) / np.where(spans > 0.0, spans, 1.0)
+        return self.within(blocks, np.clip(1.0 - left, 0.0, 1.0))

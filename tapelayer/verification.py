@@ -11,13 +11,14 @@ from scipy.interpolate import make_interp_spline
 from tapelayer import gantry
 from tapelayer.arrays import Floats, Ints
 from tapelayer.course import Course
+from tapelayer.cutting import Laid, judge_cuts
 from tapelayer.errors import VerificationFailed
-from tapelayer.evidence import AxisUse, Evidence, Failure, Samples
+from tapelayer.evidence import AxisUse, Evidence, Failure, Samples, TapeLedger
 from tapelayer.laying import place
 from tapelayer.machine import Machine
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.toolpath import Toolpath
-from tapelayer.trajectory import Event, Kind, Trajectory
+from tapelayer.trajectory import MOTIONS, Event, Kind, Trajectory
 
 # Between two block ends the path is looked at this often, and at least every so many metres.
 LEAST_SAMPLES = 4
@@ -39,6 +40,8 @@ SWITCHES = (
     ("shoe", Event.SHOE_DOWN, Event.SHOE_UP),
     ("auxiliary_roller", Event.ROLLER_DOWN, Event.ROLLER_UP),
     ("heater", Event.HEATER_ON, Event.HEATER_OFF),
+    ("knife_1", Event.KNIFE_1_DOWN, Event.KNIFE_1_UP),
+    ("knife_2", Event.KNIFE_2_DOWN, Event.KNIFE_2_UP),
 )
 
 
@@ -91,10 +94,12 @@ class Inspector:
 
     def __init__(self, courses: Sequence[Course], setup: Setup, machine: Machine) -> None:
         self.setup, self.machine = setup, machine
+        self.courses = courses
         self.curves = [_Curve(path) for path in place(courses, setup)]
         self.highest = max(float(np.max(curve.path.points[:, 2])) for curve in self.curves)
         self.roller_radius = gantry.lengths(machine).radius
         self.wrap_radius = self.roller_radius if setup.head.wrap_compensation else 0.0
+        self._slides = [machine.column(name) for name in "xyz"]
         self.published = setup.process.kinematics == "published"
 
     def verify(self, trajectory: Trajectory, resolution: Floats | None = None) -> Verified:
@@ -113,12 +118,19 @@ class Inspector:
             # Nothing can be measured on a program that does not say where it is.
             layings = []
         measured: list[Samples] = []
+        laid: list[Laid] = []
         for index, (curve, laying) in enumerate(zip(self.curves, layings, strict=False)):
-            rows, found = self._course(trajectory, index, curve, laying, digits)
-            measured.append(rows)
+            samples, station, found = self._course(trajectory, index, curve, laying, digits)
+            measured.append(samples)
+            angles = self.courses[index].cut_angles
+            laid.append(
+                Laid(curve.path.number, len(curve.knots), angles, curve.length, station, laying.begin, laying.end)
+            )
             failures += found
-        axes, found = self._axes(trajectory, digits)
-        clearance, taken_back, links = self._links(trajectory)
+        tape, cutting = judge_cuts(trajectory, laid, self.setup, self.machine) if laid else (_NO_TAPE, [])
+        axes, beyond = self._axes(trajectory, digits)
+        clearance, links = self._links(trajectory, layings)
+        taken_back, feeding = self._feeding(trajectory, layings)
         disagreement = self._pinocchio(trajectory)
         if not disagreement <= PINOCCHIO_AGREEMENT:
             failures.append(Failure(0, 0, "forward_disagreement_m", disagreement, PINOCCHIO_AGREEMENT))
@@ -134,7 +146,9 @@ class Inspector:
             axes=axes,
             samples=Samples.joined(measured),
             tape_width=self.setup.tape.width_mm * MM,
-            failures=tuple([*failures, *found, *links]),
+            wrap_radius=self.wrap_radius,
+            tape=tape,
+            failures=tuple([*failures, *feeding, *cutting, *beyond, *links]),
         )
 
     def _number_of_courses(self, layings: Sequence[_Laying]) -> list[Failure]:
@@ -144,8 +158,8 @@ class Inspector:
 
     def _course(
         self, trajectory: Trajectory, index: int, curve: _Curve, laying: _Laying, digits: Floats
-    ) -> tuple[Samples, list[Failure]]:
-        """Samples and failures of one course."""
+    ) -> tuple[Samples, float, list[Failure]]:
+        """Samples of one course, the station of its start on the tape (metres), and its failures."""
         joints, times, ends, blocks = laying.sampled(trajectory)
         pose = self.machine.columns(joints, "roller")
         centre = np.stack(np.broadcast_arrays(*pose.translation), axis=1)
@@ -180,7 +194,8 @@ class Inspector:
             offsets=np.sqrt(_dot(offset, offset)),
             block_ends=np.isin(np.arange(len(joints)), ends),
         )
-        return samples, self._judge(trajectory, curve, samples, ends, blocks, fed, digits)
+        station = float(fed[0] + self.wrap_radius * wraps[0]) - self.setup.head.knife_to_nip_mm * MM
+        return samples, station, self._judge(trajectory, curve, samples, ends, blocks, digits)
 
     def _judge(
         self,
@@ -189,7 +204,6 @@ class Inspector:
         samples: Samples,
         ends: Ints,
         blocks: Ints,
-        fed: Floats,
         digits: Floats,
     ) -> list[Failure]:
         limits = self.setup.verification
@@ -209,8 +223,6 @@ class Inspector:
             speeds = np.where(steps > 0, (steps - digit) / spans, 0.0) / MM
         at_ends = np.append(0.0, speeds)
         judged_ends = [("lay_speed_mm_per_s", at_ends, self.setup.process.lay_speed_mm_per_s * (1 + NIP_SPEED_MARGIN))]
-        back = np.append(0.0, -np.diff(fed)) / MM
-        judged.append(("tape_run_back_mm", back, 0.0))
         failures = []
         for what, values, limit in judged:
             failures += self._worst(trajectory, curve, samples.arc_lengths, blocks, what, values, limit)
@@ -268,28 +280,97 @@ class Inspector:
         number = self.curves[index].path.number if 0 <= index < len(self.curves) else 0
         return Failure(number, 0, what, float(value), float(limit), int(trajectory.lines[row]))
 
-    def _links(self, trajectory: Trajectory) -> tuple[float, float, list[Failure]]:
-        """Least clearance of the roller while the head goes from course to course, and the tape taken back."""
-        rapid = trajectory.kinds == Kind.RAPID
-        rows = np.flatnonzero(rapid)
-        begins, ends = trajectory.begins(rows), trajectory.positions[rows]
-        sideways = [trajectory.column(name) for name in ("x", "y", "c", "a")]
-        going = ~np.any(np.isnan(begins), axis=1) & np.any(begins[:, sideways] != ends[:, sideways], axis=1)
+    def _links(self, trajectory: Trajectory, layings: Sequence[_Laying]) -> tuple[float, list[Failure]]:
+        """Least clearance of the roller above the highest course point while the head goes from course to course.
+
+        It is on its way where it is farther from the course behind and from the course ahead than run-out and approach
+        can bring it.
+        """
+        head, process = self.setup.head, self.setup.process
+        near = ((head.aux_roller_lag_mm if head.run_out == "tangent" else 0.0) + process.approach_mm + 1.0) * MM
+        least, worst = np.inf, -1
+        steps = np.linspace(0.0, 1.0, 9)
+        for before, after in zip([None, *layings], [*layings, None], strict=True):
+            rows = np.arange(before.last if before else 0, after.first if after else len(trajectory))
+            rows = rows[np.isin(trajectory.kinds[rows], MOTIONS)]
+            rows = rows[~np.any(np.isnan(trajectory.begins(rows) + trajectory.positions[rows]), axis=1)]
+            if not len(rows):
+                continue
+            joints = trajectory.within(np.repeat(rows, len(steps)), np.tile(steps, len(rows)))
+            pose = self.machine.columns(joints, "roller")
+            x, y, z = (np.broadcast_to(entry, len(joints)) for entry in pose.translation)
+            ends = [
+                trajectory.positions[[row]]
+                for row in ([before.last - 1] if before else []) + ([after.first - 1] if after else [])
+            ]
+            away = np.full(len(joints), np.inf)
+            for end in ends:
+                centre = self.machine.forward(end, "roller")[0, :3, 3]
+                away = np.minimum(away, np.sqrt((x - centre[0]) ** 2 + (y - centre[1]) ** 2 + (z - centre[2]) ** 2))
+            lowest = (
+                z - self.roller_radius - self.setup.tape.width_mm / 2 * MM * np.abs(pose.rotation[2][1]) - self.highest
+            )
+            lowest = np.where(away > near, lowest, np.inf)
+            if np.min(lowest) < least:
+                least, worst = float(np.min(lowest)), int(rows[np.argmin(lowest) // len(steps)])
+        if least >= 0.0:
+            return least, []
+        return least, [self._at_block(trajectory, worst, "link_clearance_mm", least / MM, 0.0)]
+
+    def _feeding(self, trajectory: Trajectory, layings: Sequence[_Laying]) -> tuple[float, list[Failure]]:
+        """Longest run of the tape backwards, and where it runs back or is fed as it may not.
+
+        It never runs back under a shoe or knife, between courses no farther than to where the next one begins, and is
+        never fed along a course with the shoe up.
+        """
+        u = trajectory.column("u")
+        rows = np.arange(len(trajectory))
+        steps = np.nan_to_num(trajectory.positions[:, u] - trajectory.begins(rows)[:, u])
+        ends, begins = trajectory.times, trajectory.times - trajectory.durations
         failures = []
-        clearance = np.inf
-        if np.any(going):
-            steps = np.linspace(0.0, 1.0, 9)
-            joints = begins[going][:, None] + steps[None, :, None] * (ends - begins)[going][:, None]
-            pose = self.machine.forward(joints.reshape(-1, joints.shape[2]), "roller")
-            lowest = pose[:, 2, 3] - self.roller_radius - self.setup.tape.width_mm / 2 * MM * np.abs(pose[:, 2, 1])
-            clearances = np.min(lowest.reshape(-1, len(steps)), axis=1) - self.highest
-            clearance = float(np.min(clearances))
-            if not clearance >= 0.0:
-                row = int(rows[going][np.argmin(clearances)])
-                failures.append(self._at_block(trajectory, row, "link_clearance_mm", clearance / MM, 0.0))
-        u = trajectory.positions[:, trajectory.column("u")]
-        back = float(np.max(-np.diff(u[~np.isnan(u)]), initial=0.0))
-        return clearance, back, failures
+        held = np.zeros(len(trajectory), np.bool_)
+        delays = self.setup.head.delays_ms
+        for on, off, delay in (
+            (Event.SHOE_DOWN, Event.SHOE_UP, delays.shoe),
+            (Event.KNIFE_1_DOWN, Event.KNIFE_1_UP, delays.knife),
+            (Event.KNIFE_2_DOWN, Event.KNIFE_2_UP, delays.knife),
+        ):
+            times = [trajectory.times[trajectory.events == event] + delay * 1e-3 for event in (on, off)]
+            # A block is held where the switch is on at some moment of it.
+            held |= np.searchsorted(times[0], ends) > np.searchsorted(times[1], begins, side="right")
+        back = held & (steps < 0.0)
+        if np.any(back):
+            row = int(np.argmin(np.where(back, steps, 0.0)))
+            failures.append(self._at_block(trajectory, row, "tape_run_back_mm", -steps[row] / MM, 0.0))
+        slack = self.setup.verification.max_tape_error_mm * MM
+        free = np.ones(len(trajectory), np.bool_)
+        for laying, following in zip(layings, [*layings, None][1:], strict=False):
+            free[laying.first : laying.last] = False
+            until = following.first if following else len(trajectory)
+            between = rows[laying.last : until]
+            if following and len(between):
+                lowest = int(between[np.argmin(trajectory.positions[between, u])])
+                allowed = np.minimum(trajectory.positions[laying.last - 1, u], trajectory.positions[until - 1, u])
+                short = float(allowed - trajectory.positions[lowest, u])
+                if not short <= slack:
+                    failures.append(
+                        self._at_block(trajectory, lowest, "tape_taken_back_too_far_mm", short / MM, slack / MM)
+                    )
+        moving = np.any(trajectory.positions[:, self._slides] != trajectory.begins(rows)[:, self._slides], axis=1) & (
+            steps > slack
+        )
+        astray = free & moving & (trajectory.kinds == Kind.LINEAR)
+        if np.any(astray):
+            row = int(np.argmax(astray))
+            failures.append(self._at_block(trajectory, row, "laid_with_shoe_up_mm", steps[row] / MM, 0.0))
+        supply = np.flatnonzero(trajectory.events == Event.SUPPLY_MODE)
+        first_feed = int(np.argmax(steps != 0.0)) if np.any(steps != 0.0) else len(trajectory)
+        if len(supply) != 1 or supply[0] > first_feed:
+            row = int(supply[-1]) if len(supply) else min(first_feed, len(trajectory) - 1)
+            failures.append(
+                self._at_block(trajectory, row, "supply_mode_before_feed", len(supply[supply < first_feed]), 1)
+            )
+        return float(np.max(-steps, initial=0.0)), failures
 
     def _pinocchio(self, trajectory: Trajectory) -> float:
         """Largest difference, in metres, between Pinocchio itself and the batch evaluator at block ends."""
@@ -439,6 +520,9 @@ class _Curve:
     def point(self, arc_length: float) -> int:
         """Number (from 1) of the file's point nearest to an arc length in metres; 0 for NaN."""
         return 0 if np.isnan(arc_length) else int(np.argmin(np.abs(self.knots - arc_length))) + 1
+
+
+_NO_TAPE = TapeLedger((), (), 0.0, 0.0, 0.0, 0.0)
 
 
 def _dot(left: Floats, right: Floats) -> Floats:

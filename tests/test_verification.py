@@ -227,8 +227,9 @@ def test_every_shared_course_file_is_laid(shared: object, name: str, text: str) 
     assert np.max(samples.position_errors) <= 0.03 * MM
     assert np.max(np.abs(samples.tilts)) <= 0.01 * DEG
     assert np.max(np.abs(samples.heading_errors)) <= 0.02 * DEG
-    # No jump: every feed block's rotary step is small for the way it goes.
-    feeding = np.flatnonzero(trajectory.kinds == Kind.LINEAR)
-    turns = np.abs(trajectory.positions[feeding] - trajectory.begins(feeding))[:, [COLUMN["c"], COLUMN["a"]]]
+    # No jump: while the tape is laid every block's rotary step is small.
+    shoe = np.cumsum((trajectory.events == Event.SHOE_DOWN).astype(int) - (trajectory.events == Event.SHOE_UP))
+    laying = np.flatnonzero((trajectory.kinds == Kind.LINEAR) & (shoe == 1))
+    turns = np.abs(trajectory.positions[laying] - trajectory.begins(laying))[:, [COLUMN["c"], COLUMN["a"]]]
     assert np.max(turns) < 10 * DEG
     assert gantry.lengths(machine).radius == pytest.approx(0.04)
