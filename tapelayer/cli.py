@@ -121,18 +121,8 @@ def verify(
 def inspect(courses: Courses) -> None:
     """Show what a course file holds."""
     table = Table(title=Path(courses).name)
-    for heading in (
-        "course",
-        "points",
-        "length mm",
-        "cuts deg",
-        "x mm",
-        "y mm",
-        "z mm",
-        "slope deg",
-        "off surface deg",
-    ):
-        table.add_column(heading, justify="right")
+    for heading in ("course", "points", "length\nmm", "cuts\ndeg", "slope\ndeg", "off surface\ndeg", "x, y, z mm"):
+        table.add_column(heading, justify="right", no_wrap=True)
     found = read_courses(courses)
     for course in found:
         table.add_row(*_inspected(course))
@@ -222,12 +212,12 @@ def _check_sources(job: Job, setup_sha256: str, source_sha256: str, program: str
     """Refuse to judge a program by another setup than its own; say so where the courses are other ones."""
     if setup_sha256 and setup_sha256 != job.provenance.setup_sha256 and not force:
         sentence = (
-            f"its header names the setup {setup_sha256[:12]}..., this one is {job.provenance.setup_sha256[:12]}...; give "
-            "the setup it was made with (options count, too), or judge it by this one with --force"
+            f"its header names the setup {setup_sha256[:12]}..., this one is {job.provenance.setup_sha256[:12]}...; "
+            "give the setup it was made with (options count, too), or judge it by this one with --force"
         )
         raise SetupRefused(program, [Fault(0, sentence)])
     if source_sha256 and source_sha256 != job.provenance.source_sha256:
-        notices.print(f"{program}: its header names another course file than {courses}", highlight=False)
+        sys.stderr.write(f"{program}: its header names another course file than {courses}\n")
 
 
 def _reports(
@@ -262,16 +252,9 @@ def _inspected(course: Course) -> list[str]:
     slope = np.degrees(np.max(np.arccos(np.clip(course.normals[:, 2], -1, 1))))
     start, end = (angle / DEG for angle in course.cut_angles)
     cuts = f"{start:g}" if start == end else f"{start:g} {end:g}"
-    spans = [f"{a:.1f} to {b:.1f}" for a, b in zip(low, high, strict=True)]
-    return [
-        str(course.number),
-        str(len(course.points)),
-        f"{course.length / MM:.1f}",
-        cuts,
-        *spans,
-        f"{slope:.1f}",
-        f"{off:.2f}",
-    ]
+    box = ", ".join(f"{a:.0f}..{b:.0f}" for a, b in zip(low, high, strict=True))
+    length = f"{course.length / MM:.1f}"
+    return [str(course.number), str(len(course.points)), length, cuts, f"{slope:.1f}", f"{off:.2f}", box]
 
 
 def main() -> None:

@@ -288,11 +288,14 @@ class Inspector:
         """
         head, process = self.setup.head, self.setup.process
         near = ((head.aux_roller_lag_mm if head.run_out == "tangent" else 0.0) + process.approach_mm + 1.0) * MM
+        sideways = [trajectory.column(name) for name in ("x", "y", "c", "a")]
         least, worst = np.inf, -1
         steps = np.linspace(0.0, 1.0, 9)
         for before, after in zip([None, *layings], [*layings, None], strict=True):
             rows = np.arange(before.last if before else 0, after.first if after else len(trajectory))
             rows = rows[np.isin(trajectory.kinds[rows], MOTIONS)]
+            # Straight up and down is over the course's own end; NaN, before everything is stated, goes nowhere.
+            rows = rows[np.any(np.abs(trajectory.positions[rows] - trajectory.begins(rows))[:, sideways] > 0.0, axis=1)]
             rows = rows[~np.any(np.isnan(trajectory.begins(rows) + trajectory.positions[rows]), axis=1)]
             if not len(rows):
                 continue
