@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
@@ -121,7 +121,7 @@ def verify(
 def inspect(courses: Courses) -> None:
     """Show what a course file holds."""
     table = Table(title=Path(courses).name)
-    for heading in ("course", "points", "length\nmm", "cuts\ndeg", "slope\ndeg", "off surface\ndeg", "x, y, z mm"):
+    for heading in ("course", "points", "length mm", "cuts deg", "slope deg", "off surface deg"):
         table.add_column(heading, justify="right", no_wrap=True)
     found = read_courses(courses)
     for course in found:
@@ -129,7 +129,7 @@ def inspect(courses: Courses) -> None:
     output.print(table)
     output.print(
         f"{len(found)} courses, {sum(len(course.points) for course in found)} points, "
-        f"{sum(course.length for course in found):.3f} m of tape laid",
+        f"{sum(course.length for course in found):.3f} m of tape laid, in {_box(found)} mm",
         highlight=False,
     )
 
@@ -243,7 +243,6 @@ def _reports(
 
 def _inspected(course: Course) -> list[str]:
     """Cells of a course's row."""
-    low, high = np.min(course.points, axis=0) / MM, np.max(course.points, axis=0) / MM
     steps = np.diff(course.points, axis=0)
     steps /= np.linalg.norm(steps, axis=1)[:, None]
     normals = course.normals[1:] + course.normals[:-1]
@@ -252,9 +251,15 @@ def _inspected(course: Course) -> list[str]:
     slope = np.degrees(np.max(np.arccos(np.clip(course.normals[:, 2], -1, 1))))
     start, end = (angle / DEG for angle in course.cut_angles)
     cuts = f"{start:g}" if start == end else f"{start:g} {end:g}"
-    box = ", ".join(f"{a:.0f}..{b:.0f}" for a, b in zip(low, high, strict=True))
     length = f"{course.length / MM:.1f}"
-    return [str(course.number), str(len(course.points)), length, cuts, f"{slope:.1f}", f"{off:.2f}", box]
+    return [str(course.number), str(len(course.points)), length, cuts, f"{slope:.1f}", f"{off:.2f}"]
+
+
+def _box(courses: Sequence[Course]) -> str:
+    """Smallest and largest x, y and z of the courses in mm."""
+    points = np.concatenate([course.points for course in courses]) / MM
+    spans = zip("xyz", np.min(points, axis=0), np.max(points, axis=0), strict=True)
+    return ", ".join(f"{name} {low:.1f} to {high:.1f}" for name, low, high in spans)
 
 
 def main() -> None:
