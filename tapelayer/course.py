@@ -347,13 +347,14 @@ def _values(text: bytes, characters: NDArray[np.uint8], starts: Ints, stops: Int
         long[np.searchsorted(stops, np.flatnonzero(characters == ord("e")), side="right")] = True
     if not np.any(long):
         return _short_values(characters, starts, stops)
-    edges = np.zeros(len(characters) + 1, dtype=np.int8)
-    edges[starts[long]] += 1
-    edges[stops[long] + 1] -= 1  # with the blank behind it, which keeps the words apart
-    inside = np.cumsum(edges[:-1], dtype=np.int8) > 0
+    lengths = stops[long] + 1 - starts[long]  # with the blank behind, which keeps the words apart
+    ends = np.cumsum(lengths)
+    inside = np.arange(ends[-1]) + np.repeat(starts[long] - (ends - lengths), lengths)
     values = np.empty(len(starts))
-    values[long] = _scan(characters[inside].tobytes(), np.float64, int(np.count_nonzero(long)))
-    values[~long] = _short_values(np.where(inside, np.uint8(ord(" ")), characters), starts[~long], stops[~long])
+    values[long] = _scan(characters[inside].tobytes(), np.float64, len(lengths))
+    others = characters.copy()
+    others[inside] = ord(" ")
+    values[~long] = _short_values(others, starts[~long], stops[~long])
     return values
 
 
