@@ -5,15 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+import time
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 import typer
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from post import controllers
@@ -47,6 +48,8 @@ KinematicsName = Annotated[
 ]
 ReportFile = Annotated[str | None, typer.Option("--report", metavar="OUT.json", help="Write the report as JSON.")]
 HtmlFile = Annotated[str | None, typer.Option("--html", metavar="OUT.html", help="Write the report with plots.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Say how long each step takes.")]
 
 output = Console()
 notices = Console(stderr=True)
@@ -61,28 +64,37 @@ def export(
     controller: ControllerName = None,
     kinematics: KinematicsName = None,
     target: Annotated[
-        str | None, typer.Option("-o", metavar="OUT.nc", help="Program; default COURSES.nc here.")
+        str | None, typer.Option("-o", metavar="OUT.nc", help="Program; - for stdout, default COURSES.nc here.")
     ] = None,
     report_file: ReportFile = None,
     html_file: HtmlFile = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Plan, write, read back and verify an NC program; nothing that fails is written."""
     program = Path(target) if target else Path(Path(courses).stem + ".nc")
-    job = _job(courses, setup, controller, kinematics)
-    with _steps() as step:
-        step("planning")
-        planned = job.plan()
-        step("writing")
+    to_stdout = target == "-"
+    with _Steps(quiet, verbose) as steps:
+        steps.begin(f"reading {courses}")
+        job = _job(courses, setup, controller, kinematics)
+        steps.begin("planning", 2 * len(job.courses))
+        planned = job.plan(steps.tick)
+        steps.begin("writing")
         text = job.text(planned)
-        step("reading back")
+        steps.begin("reading back")
         trajectory = job.read_back(text, str(program)).trajectory
-        step("verifying the text")
-        verified = job.judge(trajectory)
-        contents = {program: text}
-        contents |= _reports(verified.evidence, trajectory, text, job.setup, program.name, report_file, html_file)
+        steps.begin("verifying the text", len(job.courses))
+        evidence = job.judge(trajectory, steps.tick).evidence
+        steps.begin("saving")
+        contents = {} if to_stdout else {program: text}
+        title = Path(courses).name if to_stdout else program.name
+        contents |= _reports(evidence, trajectory, text, job.setup, title, report_file, html_file)
         write_files(contents)
-    output.print(report.summary(report.numbers(verified.evidence, hashlib.sha256(text).hexdigest())))
-    output.print(f"{program}: {len(trajectory)} blocks, verified", highlight=False)
+    if to_stdout:
+        sys.stdout.buffer.write(text)
+        sys.stdout.buffer.flush()
+    if not quiet:
+        _conclude(evidence, text, "the program" if to_stdout else str(program), notices if to_stdout else output)
 
 
 @app.command(
@@ -100,21 +112,24 @@ def verify(
     force: Annotated[
         bool, typer.Option("--force", help="Judge a program although its header names another setup.")
     ] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Judge an NC program by its text against its courses."""
-    job = _job(courses, setup, controller, kinematics)
-    text = _bytes(program)
-    with _steps() as step:
-        step("reading")
+    with _Steps(quiet, verbose) as steps:
+        steps.begin(f"reading {courses}")
+        job = _job(courses, setup, controller, kinematics)
+        steps.begin(f"reading {program}")
+        text = _bytes(program)
         read = job.read_back(text, program)
         _check_sources(job, read.setup_sha256, read.source_sha256, program, courses, force)
-        step("verifying")
-        evidence = job.inspector.examine(read.trajectory, job.resolution)
+        steps.begin("verifying", len(job.courses))
+        evidence = job.inspector.examine(read.trajectory, job.resolution, steps.tick)
         write_files(_reports(evidence, read.trajectory, text, job.setup, Path(program).name, report_file, html_file))
-    output.print(report.summary(report.numbers(evidence, hashlib.sha256(text).hexdigest())))
+    if not quiet:
+        _conclude(evidence, text, program, output)
     if not evidence.passed:
         raise VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
-    output.print(f"{program}: {len(read.trajectory)} blocks, verified", highlight=False)
 
 
 @app.command(epilog="Example: [bold]tapelayer inspect panel.txt[/bold]")
@@ -131,6 +146,7 @@ def inspect(courses: Courses) -> None:
         f"{len(found)} courses, {sum(len(course.points) for course in found)} points, "
         f"{sum(course.length for course in found):.3f} m of tape laid, in {_box(found)} mm",
         highlight=False,
+        soft_wrap=True,
     )
 
 
@@ -156,6 +172,7 @@ def machine(setup: SetupFile = None) -> None:
         f"l4 = {lengths.l4 / MM:g}, l5 = {lengths.l5 / MM:g}, l6 = {lengths.l6 / MM:g}, "
         f"roller radius = {lengths.radius / MM:g} mm",
         highlight=False,
+        soft_wrap=True,
     )
 
 
@@ -178,14 +195,55 @@ def demo(
     example = files("tapelayer.examples").joinpath("cylinder_panel_15.txt")
     stem = folder / "cylinder_panel_15"
     export(str(example), None, None, None, f"{stem}.nc", f"{stem}.json", f"{stem}.html")
-    output.print(f"open {stem}.html to look at it", highlight=False)
+    output.print(f"open {stem}.html to look at it", highlight=False, soft_wrap=True)
 
 
-@contextmanager
-def _steps() -> Iterator[Callable[[str], None]]:
-    """Say on a terminal which step is under way; quiet elsewhere."""
-    with notices.status("reading") as status:
-        yield lambda step: status.update(step)
+class _Steps:
+    """What is under way, on stderr: a progress bar on a terminal, a line a step where asked for.
+
+    Args:
+        quiet: say nothing.
+        verbose: say how long each step took.
+    """
+
+    def __init__(self, quiet: bool, verbose: bool) -> None:
+        columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+        hidden = quiet or not notices.is_terminal
+        self._bar = Progress(*columns, console=notices, transient=True, disable=hidden)
+        self._task = self._bar.add_task("", total=None)
+        self._verbose = verbose and not quiet
+        self._step, self._begun = "", 0.0
+
+    def __enter__(self) -> Self:
+        """Show the bar."""
+        self._bar.start()
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        """Take the bar away."""
+        self._end()
+        self._bar.stop()
+
+    def begin(self, step: str, ticks: int | None = None) -> None:
+        """Go on to a step, of so many ticks where they are known."""
+        self._end()
+        self._step, self._begun = step, time.perf_counter()
+        self._bar.reset(self._task, description=step, total=ticks)
+
+    def tick(self) -> None:
+        """One more is done."""
+        self._bar.advance(self._task)
+
+    def _end(self) -> None:
+        if self._verbose and self._step:
+            sys.stderr.write(f"{self._step}: {time.perf_counter() - self._begun:.2f} s\n")
+
+
+def _conclude(evidence: Evidence, text: bytes, name: str, console: Console) -> None:
+    """Table of what was found, and one line that says whether it passed."""
+    console.print(report.summary(report.numbers(evidence, hashlib.sha256(text).hexdigest())))
+    if evidence.passed:
+        console.print(f"{name}: {evidence.blocks} blocks, verified", highlight=False, soft_wrap=True)
 
 
 def _setup(name: str | None) -> Setup:

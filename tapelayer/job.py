@@ -17,6 +17,7 @@ from tapelayer.course import Course, parse_courses
 from tapelayer.errors import CourseFileRefused
 from tapelayer.laying import plan
 from tapelayer.machine import Machine
+from tapelayer.progress import Tick, silent
 from tapelayer.provenance import Provenance
 from tapelayer.setup import Setup
 from tapelayer.trajectory import Trajectory
@@ -70,13 +71,13 @@ class Job:
         """Judge of trajectories for these courses."""
         return Inspector(self.courses, self.setup, self.machine)
 
-    def plan(self) -> Verified:
-        """Planned trajectory, verified before there is any text.
+    def plan(self, tick: Tick = silent) -> Verified:
+        """Planned trajectory, verified before there is any text; `tick` is called twice for every course.
 
         Raises:
             TapelayerError: the job cannot be done on this machine, or what was planned failed verification.
         """
-        return self.inspector.verify(plan(self.courses, self.setup, self.machine))
+        return self.inspector.verify(plan(self.courses, self.setup, self.machine, tick), tick=tick)
 
     def text(self, planned: Verified) -> bytes:
         """NC text of a verified trajectory."""
@@ -91,13 +92,13 @@ class Job:
         speeds = {axis.name: axis.speed for axis in self.machine.axes}
         return reader.read(text, self.controller, self.machine.names, speeds, name)
 
-    def judge(self, trajectory: Trajectory) -> Verified:
-        """Verified trajectory that was read back from NC text.
+    def judge(self, trajectory: Trajectory, tick: Tick = silent) -> Verified:
+        """Verified trajectory that was read back from NC text; `tick` is called for every course.
 
         Raises:
             VerificationFailed: the text does not do what the courses ask.
         """
-        return self.inspector.verify(trajectory, self.resolution)
+        return self.inspector.verify(trajectory, self.resolution, tick)
 
     @property
     def resolution(self) -> Floats:

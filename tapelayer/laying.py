@@ -14,6 +14,7 @@ from tapelayer.course import Course
 from tapelayer.errors import AxisBeyondTravel, TapeRunsBack
 from tapelayer.linearisation import CourseMotion, Poses, block_ends
 from tapelayer.machine import Axis, Machine
+from tapelayer.progress import Tick, silent
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.stroke import Rows, Stroke
 from tapelayer.tape import TOUCH, Head, Step, TapePlan, plan_tape
@@ -54,13 +55,14 @@ def head_of(setup: Setup, machine: Machine) -> Head:
     )
 
 
-def plan(courses: Sequence[Course], setup: Setup, machine: Machine) -> Trajectory:
+def plan(courses: Sequence[Course], setup: Setup, machine: Machine, tick: Tick = silent) -> Trajectory:
     """Trajectory of a ply: every course approached, laid and left, its cuts made where they pass the knives.
 
     Args:
         courses: in the part's frame, laid in this order.
         setup: the job's values.
         machine: the gantry, with the setup's limits already in it.
+        tick: called for every course that is done.
 
     Raises:
         AxisBeyondTravel: a course needs an axis beyond its travel.
@@ -70,7 +72,10 @@ def plan(courses: Sequence[Course], setup: Setup, machine: Machine) -> Trajector
     """
     lengths = gantry.lengths(machine)
     radius = lengths.radius if setup.head.wrap_compensation else 0.0
-    ways = [_way(path, setup, lengths, radius) for path in place(courses, setup)]
+    ways = []
+    for path in place(courses, setup):
+        ways.append(_way(path, setup, lengths, radius))
+        tick()
     tape = plan_tape(
         head_of(setup, machine),
         [course.number for course in courses],

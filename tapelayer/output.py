@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Mapping
@@ -14,6 +15,8 @@ from tapelayer.errors import TargetNotWritable
 def write_files(contents: Mapping[Path, bytes]) -> None:
     """Write files together: each to a temporary file beside its target, and all renamed once every one is written.
 
+    A link is followed; a device or pipe is written to as it is.
+
     Args:
         contents: bytes by target.
 
@@ -22,25 +25,39 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
     """
     with ExitStack() as undo:
         written: list[tuple[Path, Path]] = []
-        for target, data in contents.items():
+        devices: list[tuple[Path, bytes]] = []
+        for name, data in contents.items():
             try:
-                if target.is_dir():
-                    raise IsADirectoryError(0, "Is a directory")
-                handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-                undo.callback(_remove, name)
+                target = name.resolve()
+                if target.exists() and not target.is_file() and not target.is_dir():
+                    devices.append((target, data))
+                    continue
+                _check(target)
+                handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+                undo.callback(_remove, temporary)
                 with os.fdopen(handle, "wb") as file:
                     file.write(data)
                     file.flush()
                     os.fsync(file.fileno())
-                os.chmod(name, _mode(target))
+                os.chmod(temporary, _mode(target))
             except OSError as error:
-                raise _not_writable(target, error) from None
-            written.append((Path(name), target))
-        for temporary, target in written:
-            try:
-                os.replace(temporary, target)
-            except OSError as error:
-                raise _not_writable(target, error) from None
+                raise _not_writable(name, error) from None
+            written.append((Path(temporary), target))
+        try:
+            for target, data in devices:
+                target.write_bytes(data)
+            for source, target in written:
+                os.replace(source, target)
+        except OSError as error:
+            raise _not_writable(target, error) from None
+
+
+def _check(target: Path) -> None:
+    """Refuse what a rename would replace although nobody may write to it."""
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if target.exists() and not (os.access(target, os.W_OK) and target.stat().st_mode & 0o222):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
 
 def _not_writable(target: Path, error: OSError) -> TargetNotWritable:

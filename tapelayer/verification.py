@@ -16,6 +16,7 @@ from tapelayer.errors import VerificationFailed
 from tapelayer.evidence import AxisUse, Evidence, Failure, Samples, TapeLedger
 from tapelayer.laying import place
 from tapelayer.machine import Machine
+from tapelayer.progress import Tick, silent
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.toolpath import Toolpath
 from tapelayer.trajectory import MOTIONS, Event, Kind, Trajectory
@@ -102,14 +103,14 @@ class Inspector:
         self._slides = [machine.column(name) for name in "xyz"]
         self.published = setup.process.kinematics == "published"
 
-    def verify(self, trajectory: Trajectory, resolution: Floats | None = None) -> Verified:
-        """As the function `verify`."""
-        evidence = self.examine(trajectory, resolution)
+    def verify(self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent) -> Verified:
+        """As the function `verify`; `tick` is called for every course that is done."""
+        evidence = self.examine(trajectory, resolution, tick)
         if not evidence.passed:
             raise VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
         return Verified(trajectory, evidence)
 
-    def examine(self, trajectory: Trajectory, resolution: Floats | None = None) -> Evidence:
+    def examine(self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent) -> Evidence:
         """Evidence on a trajectory, failures included; arguments as `verify`."""
         digits = np.zeros(len(trajectory.axes)) if resolution is None else resolution
         layings = _layings(trajectory, self.setup)
@@ -127,6 +128,7 @@ class Inspector:
                 Laid(curve.path.number, len(curve.knots), angles, curve.length, station, laying.begin, laying.end)
             )
             failures += found
+            tick()
         tape, cutting = judge_cuts(trajectory, laid, self.setup, self.machine) if laid else (_NO_TAPE, [])
         axes, beyond = self._axes(trajectory, digits)
         clearance, links = self._links(trajectory, layings)
@@ -146,7 +148,7 @@ class Inspector:
             axes=axes,
             samples=Samples.joined(measured),
             tape_width=self.setup.tape.width_mm * MM,
-            wrap_radius=self.wrap_radius,
+            roller_radius=self.roller_radius,
             tape=tape,
             failures=tuple([*failures, *feeding, *cutting, *beyond, *links]),
         )

@@ -57,6 +57,36 @@ def test_a_failing_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.
     assert names(tmp_path) == {"a.nc"}
 
 
+def test_a_read_only_file_is_left_alone(tmp_path: Path) -> None:
+    target = tmp_path / "a.nc"
+    target.write_bytes(b"old")
+    target.chmod(0o444)
+    with pytest.raises(TargetNotWritable, match="permission denied; nothing was changed"):
+        write_files({target: b"new"})
+    assert target.read_bytes() == b"old"
+    assert names(tmp_path) == {"a.nc"}
+
+
+def test_a_link_is_followed(tmp_path: Path) -> None:
+    target, link = tmp_path / "a.nc", tmp_path / "link.nc"
+    target.write_bytes(b"old")
+    link.symlink_to(target)
+    write_files({link: b"new"})
+    assert link.is_symlink()
+    assert target.read_bytes() == b"new"
+
+
+def test_a_full_device_is_told_and_stays_a_device(tmp_path: Path) -> None:
+    device = Path("/dev/full")
+    if not device.is_char_device():
+        pytest.skip("there is no device that is always full")
+    beside = tmp_path / "a.nc"
+    with pytest.raises(TargetNotWritable, match="/dev/full: cannot be written: no space left on device"):
+        write_files({beside: b"new", device: b"new"})
+    assert device.is_char_device()
+    assert names(tmp_path) == set()
+
+
 def test_an_interrupt_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "a.nc"
     target.write_bytes(b"old")
