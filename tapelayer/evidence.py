@@ -220,7 +220,7 @@ class Evidence:
         axes: travel and speed of every axis.
         samples: along the courses, at blocks and between.
         tape_width: metres.
-        wrap_radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
+        roller_radius: metres.
         tape: the tape's ledger.
         failures: what does not hold, worst first within a course; empty where the program passed.
     """
@@ -236,7 +236,7 @@ class Evidence:
     axes: tuple[AxisUse, ...]
     samples: Samples
     tape_width: float
-    wrap_radius: float
+    roller_radius: float
     tape: TapeLedger
     failures: tuple[Failure, ...]
 

@@ -78,7 +78,7 @@ def numbers(evidence: Evidence, program_sha256: str) -> dict[str, Any]:
         "max_edge_lift_mm": evidence.tape_width / 2 * math.sin(tilt) / MM,
         "max_heading_error_deg": _largest(samples.heading_errors) / DEG,
         "max_pitch_deg": _largest(samples.pitches) / DEG,
-        "max_wrap_mm": evidence.wrap_radius * _largest_spread(samples.wraps, samples.courses) / MM,
+        "max_wrap_mm": evidence.roller_radius * _largest_spread(samples.wraps, samples.courses) / MM,
         "max_roller_offset_mm": _largest(samples.offsets) / MM,
         "max_tape_error_mm": _largest(samples.tape_errors) / MM,
         "taken_back_mm": evidence.tape_taken_back / MM,

@@ -20,8 +20,13 @@ from rich.console import Console
 from tapelayer import report
 from tapelayer.arrays import Floats
 from tapelayer.evidence import AxisUse, Evidence, Failure, LedgerRow, Samples, TapeLedger
-from tapelayer.setup import Setup
+from tapelayer.gantry import lengths
+from tapelayer.laying import plan
+from tapelayer.machine import Machine
+from tapelayer.setup import MM, Setup
 from tapelayer.trajectory import Kind, Trajectory
+from tapelayer.verification import verify
+from tests.surfaces import helix_course, setup_of
 
 SHA256 = "0123456789abcdef" * 4
 KEYS = {
@@ -99,7 +104,7 @@ def evidence(**changes: object) -> Evidence:
         axes=axes(),
         samples=samples(),
         tape_width=0.075,
-        wrap_radius=0.04,
+        roller_radius=0.04,
         tape=ledger(3, 17),
         failures=(),
     )
@@ -283,6 +288,18 @@ def test_wrap_is_the_spread_within_one_course() -> None:
     wraps = np.array([0.5, 0.5, 0.5, -0.5, -0.5, -0.5])
     numbers = report.numbers(evidence(samples=replace(samples(), wraps=wraps)), SHA256)
     assert numbers["max_wrap_mm"] == 0.0
+
+
+def test_wrap_is_told_although_the_program_leaves_it_out() -> None:
+    """On an arch of radius r the head stays upright: the nip turns by length / r round the roller in any case."""
+    machine = Machine.load()
+    told = []
+    for compensated in ("true", "false"):
+        setup = setup_of(f"[head]\nwrap_compensation = {compensated}")
+        courses = (helix_course(heading=0.0, radius=1.5, length=0.6),)
+        evidence = verify(plan(courses, setup, machine), courses, setup, machine).evidence
+        told.append(report.numbers(evidence, SHA256)["max_wrap_mm"])
+    assert told == pytest.approx([lengths(machine).radius / MM * 0.6 / 1.5] * 2, rel=1e-4)
 
 
 def test_every_key_is_documented() -> None:
