@@ -41,6 +41,13 @@ class CourseMotion:
         lengths: of the head.
         kinematics: the closed form in use.
         wrap_radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
+
+    Attributes:
+        curve: of the course.
+        at_points: poses at the file's points.
+
+    Raises:
+        PoseUndefined: a point has no roller pose.
     """
 
     def __init__(
@@ -54,7 +61,9 @@ class CourseMotion:
         # The exact form leads the roller's centre over the surface and holds its axis; the paper's leads its nose.
         self._exact = kinematics == "roller"
         self._lift = lengths.radius if self._exact else 0.0
-        self._turns = np.unwrap(self._solve(self.curve.knots)[0][:, 3])
+        joints, wrap = self._solve(self.curve.knots)
+        joints[:, 3] = np.unwrap(joints[:, 3])
+        self.at_points = Poses(self.curve.knots, joints, wrap)
 
     def poses(self, arc_lengths: Floats) -> Poses:
         """Poses at (n,) arc lengths in metres, increasing.
@@ -64,7 +73,7 @@ class CourseMotion:
         """
         joints, wrap = self._solve(arc_lengths)
         # Every sample goes to the turn of the file's points around it.
-        near = np.interp(arc_lengths, self.curve.knots, self._turns)
+        near = np.interp(arc_lengths, self.curve.knots, self.at_points.joints[:, 3])
         joints[:, 3] += np.round((near - joints[:, 3]) / (2 * np.pi)) * (2 * np.pi)
         return Poses(arc_lengths, joints, wrap)
 
@@ -144,13 +153,11 @@ def _chord_load(motion: CourseMotion, tolerance: float, axis_tolerance: float) -
     knots = motion.curve.knots
     if len(knots) < 3:
         return np.zeros(len(knots) - 1)
-    poses = motion.poses(knots)
-    slopes = np.diff(poses.joints, axis=0) / np.diff(knots)[:, None]
-    wrap_slopes = np.diff(poses.wrap) / np.diff(knots)
-    middles = (knots[1:] + knots[:-1]) / 2
-    bends = np.diff(slopes, axis=0) / np.diff(middles)[:, None]
+    poses, steps = motion.at_points, np.diff(knots)
+    between_middles = (steps[1:] + steps[:-1]) / 2
+    bends = np.diff(np.diff(poses.joints, axis=0) / steps[:, None], axis=0) / between_middles[:, None]
     shift, turn = motion.effects(poses.joints[1:-1], bends)
-    feed = motion.wrap_radius * np.abs(np.diff(wrap_slopes) / np.diff(middles))
+    feed = motion.wrap_radius * np.abs(np.diff(np.diff(poses.wrap) / steps) / between_middles)
     load: Floats = np.sqrt(np.maximum(np.maximum(shift, feed) / tolerance, turn / axis_tolerance) / 8)
     either: Floats = np.maximum(np.append(load[0], load), np.append(load, load[-1]))
     return either
