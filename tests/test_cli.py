@@ -1,0 +1,190 @@
+"""The command line as a user meets it: what it writes, says and leaves behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tapelayer.setup import Setup, default_text
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "examples"
+FLAT = EXAMPLES / "flat_panel_00.txt"
+SWAPPED = "[machine]\nlimits_deg = {c = [-180, 180], a = [-30, 30]}\n"
+
+
+def run(*arguments: object, cwd: Path, expect: int = 0) -> subprocess.CompletedProcess[str]:
+    """Run the command in a folder; no run may end in a traceback."""
+    command = [sys.executable, "-c", "from tapelayer.cli import main; main()", *map(str, arguments)]
+    environment = os.environ | {"COLUMNS": "80", "NO_COLOR": "1", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, env=environment, timeout=120, check=False)
+    assert done.returncode == expect, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    return done
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_help_lists_the_commands(tmp_path: Path) -> None:
+    shown = run("--help", cwd=tmp_path).stdout
+    for command in ("export", "verify", "inspect", "setup", "machine", "controllers", "demo"):
+        assert f" {command} " in shown
+    assert "Example:" in run("export", "--help", cwd=tmp_path).stdout
+
+
+def test_export_then_verify(tmp_path: Path) -> None:
+    """The program, the report and the page are written together; the program is verified from its text again."""
+    done = run("export", FLAT, "-o", "a.nc", "--report", "a.json", "--html", "a.html", cwd=tmp_path)
+    assert "a.nc: " in done.stdout
+    assert "blocks, verified" in done.stdout
+    assert done.stderr == ""
+    assert names(tmp_path) == {"a.nc", "a.json", "a.html"}
+    report = json.loads((tmp_path / "a.json").read_text())
+    assert report["passed"] is True
+    assert report["courses"] == 7
+    again = run("verify", "a.nc", FLAT, "--report", "b.json", cwd=tmp_path)
+    assert "verified" in again.stdout
+    assert json.loads((tmp_path / "b.json").read_text()) == report
+
+
+def test_export_is_byte_identical_and_named_after_its_input(tmp_path: Path) -> None:
+    run("export", FLAT, "--quiet", cwd=tmp_path)
+    first = (tmp_path / "flat_panel_00.nc").read_bytes()
+    run("export", FLAT, "-o", "other.nc", "--quiet", cwd=tmp_path)
+    assert (tmp_path / "other.nc").read_bytes() == first
+
+
+def test_stdout_takes_the_program_alone(tmp_path: Path) -> None:
+    done = run("export", FLAT, "-o", "-", cwd=tmp_path)
+    assert done.stdout.startswith("%\n(tapelayer ")
+    assert done.stdout.endswith("M30\n%\n")
+    assert "verified" in done.stderr
+    assert names(tmp_path) == set()
+
+
+def test_quiet_says_nothing_and_verbose_every_step(tmp_path: Path) -> None:
+    quiet = run("export", FLAT, "--quiet", cwd=tmp_path)
+    assert quiet.stdout == quiet.stderr == ""
+    verbose = run("export", FLAT, "--verbose", cwd=tmp_path)
+    for step in ("planning: ", "writing: ", "reading back: ", "verifying the text: "):
+        assert step in verbose.stderr
+
+
+def test_a_limit_is_one_sentence_and_nothing_is_written(tmp_path: Path) -> None:
+    done = run("export", EXAMPLES / "wing_skin_45.txt", cwd=tmp_path, expect=2)
+    lines = done.stderr.splitlines()
+    assert lines[0] == ("course 15 point 92: axis c would be at 45.101 deg, beyond its bound 30 deg (travel -30 to 30)")
+    assert "limits_deg = {c = [-180, 180], a = [-30, 30]}" in lines[1]
+    assert len(lines) == 2
+    assert names(tmp_path) == set()
+
+
+def test_a_setup_overrides_the_limits(tmp_path: Path) -> None:
+    (tmp_path / "job.toml").write_text(SWAPPED)
+    run("export", EXAMPLES / "wing_skin_45.txt", "--setup", "job.toml", "-o", "a.nc", cwd=tmp_path)
+    run("verify", "a.nc", EXAMPLES / "wing_skin_45.txt", "--setup", "job.toml", cwd=tmp_path)
+    other = run("verify", "a.nc", EXAMPLES / "wing_skin_45.txt", cwd=tmp_path, expect=2)
+    assert other.stderr.startswith("a.nc: its header names the setup ")
+    assert "--force" in other.stderr
+    forced = run("verify", "a.nc", EXAMPLES / "wing_skin_45.txt", "--force", cwd=tmp_path, expect=1)
+    assert "axis_c_deg is 45.1" in forced.stderr
+
+
+def test_a_program_edited_by_hand_is_judged_by_its_text(tmp_path: Path) -> None:
+    run("export", FLAT, "-o", "a.nc", "--quiet", cwd=tmp_path)
+    text = (tmp_path / "a.nc").read_text()
+    line = next(number for number, line in enumerate(text.splitlines(), 1) if " M20" in line)
+    broken = text.splitlines()
+    broken[line] = broken[line]
+    move = next(number for number in range(line, len(broken)) if " Y" in broken[number])
+    y = next(word for word in broken[move].split() if word.startswith("Y"))
+    broken[move] = broken[move].replace(y, f"Y{float(y[1:]) + 1:.3f}")
+    (tmp_path / "b.nc").write_text("\n".join(broken) + "\n")
+    done = run("verify", "b.nc", FLAT, "--report", "b.json", cwd=tmp_path, expect=1)
+    assert f"line {move + 1}: course 1 point " in done.stderr
+    report = json.loads((tmp_path / "b.json").read_text())
+    assert report["passed"] is False
+    assert report["failures"][0]["course"] == 1
+
+
+def test_another_course_file_is_said_and_judged(tmp_path: Path) -> None:
+    run("export", FLAT, "-o", "a.nc", "--quiet", cwd=tmp_path)
+    copy = tmp_path / "copy.txt"
+    copy.write_bytes(b"# the same courses\n" + FLAT.read_bytes())
+    done = run("verify", "a.nc", copy, cwd=tmp_path)
+    assert "a.nc: its header names another course file than" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("export", "none.txt"), "none.txt: cannot be read: no such file or directory"),
+        (("export", "."), ".: cannot be read: is a directory"),
+        (("inspect", "none.txt"), "none.txt: cannot be read: no such file or directory"),
+        (("verify", "none.nc", FLAT), "none.nc: cannot be read: no such file or directory"),
+        (("export", FLAT, "--setup", "none.toml"), "none.toml: cannot be read: no such file or directory"),
+        (("export", FLAT, "-o", "none/a.nc"), "none/a.nc: cannot be written: no such file or directory"),
+        (("export", FLAT, "--kinematics", "exact"), "[process] kinematics: input should be 'roller' or 'published'"),
+        (("export", FLAT, "--controller", "fanuc"), "fanuc"),
+        (("machine", "--setup", "bad.toml"), "no axis 'w'; the axes are x, y, z, c, a, u, v, d, q, e"),
+        (("export", FLAT, "--setup", "urdf.toml"), "none.urdf"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path: Path, arguments: tuple[object, ...], message: str) -> None:
+    (tmp_path / "bad.toml").write_text("[machine]\nlimits_mm = {w = [0, 1]}\n")
+    (tmp_path / "urdf.toml").write_text('[machine]\nurdf = "none.urdf"\n')
+    before = names(tmp_path)
+    done = run(*arguments, cwd=tmp_path, expect=2)
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stdout == ""
+    assert names(tmp_path) == before
+
+
+def test_a_failing_export_leaves_the_old_program(tmp_path: Path) -> None:
+    (tmp_path / "a.nc").write_text("old")
+    run("export", EXAMPLES / "wing_skin_45.txt", "-o", "a.nc", cwd=tmp_path, expect=2)
+    run("export", FLAT, "-o", "a.nc", "--html", "none/a.html", cwd=tmp_path, expect=2)
+    assert (tmp_path / "a.nc").read_text() == "old"
+    assert names(tmp_path) == {"a.nc"}
+
+
+def test_setup_prints_the_commented_default(tmp_path: Path) -> None:
+    assert run("setup", cwd=tmp_path).stdout == default_text(Setup, "Setup of a tape-laying job")
+
+
+def test_machine_controllers_and_inspect_show_what_there_is(tmp_path: Path) -> None:
+    assert "l4 = 350, l5 = 60, l6 = 450, roller radius = 40 mm" in run("machine", cwd=tmp_path).stdout
+    assert "jb3208" in run("controllers", cwd=tmp_path).stdout
+    shown = run("inspect", FLAT, cwd=tmp_path).stdout
+    assert "7 courses, 259 points, 6.300 m of tape laid" in shown
+
+
+def test_demo_leaves_program_report_and_page(tmp_path: Path) -> None:
+    run("demo", cwd=tmp_path)
+    assert names(tmp_path / "demo") == {f"cylinder_panel_15.{ending}" for ending in ("nc", "json", "html")}
+
+
+def test_two_exports_at_once_do_not_mix(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", "from tapelayer.cli import main; main()", "export"]
+    files = [EXAMPLES / "flat_panel_00.txt", EXAMPLES / "cylinder_panel_15.txt"]
+    alone = []
+    for file in files:
+        run("export", file, "-o", "alone.nc", "--quiet", cwd=tmp_path)
+        alone.append((tmp_path / "alone.nc").read_bytes())
+    both = [
+        subprocess.Popen(
+            [*command, str(file), "-o", "a.nc", "--quiet"], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}
+        )
+        for file in files
+    ]
+    assert [process.wait(120) for process in both] == [0, 0]
+    assert (tmp_path / "a.nc").read_bytes() in alone
+    assert names(tmp_path) == {"alone.nc", "a.nc"}
