@@ -94,7 +94,9 @@ def export(
         sys.stdout.buffer.write(text)
         sys.stdout.buffer.flush()
     if not quiet:
-        _conclude(evidence, text, "the program" if to_stdout else str(program), notices if to_stdout else output)
+        _conclude(
+            evidence, text, "the program" if to_stdout else str(program), job.setup, notices if to_stdout else output
+        )
 
 
 @app.command(
@@ -127,7 +129,7 @@ def verify(
         evidence = job.inspector.examine(read.trajectory, job.resolution, steps.tick)
         write_files(_reports(evidence, read.trajectory, text, job.setup, Path(program).name, report_file, html_file))
     if not quiet:
-        _conclude(evidence, text, program, output)
+        _conclude(evidence, text, program, job.setup, output)
     if not evidence.passed:
         raise VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
 
@@ -239,9 +241,17 @@ class _Steps:
             sys.stderr.write(f"{self._step}: {time.perf_counter() - self._begun:.2f} s\n")
 
 
-def _conclude(evidence: Evidence, text: bytes, name: str, console: Console) -> None:
+def _conclude(evidence: Evidence, text: bytes, name: str, setup: Setup, console: Console) -> None:
     """Table of what was found, and one line that says whether it passed."""
-    console.print(report.summary(report.numbers(evidence, hashlib.sha256(text).hexdigest())))
+    numbers = report.numbers(evidence, hashlib.sha256(text).hexdigest())
+    console.print(report.summary(numbers))
+    if setup.process.kinematics == "published":
+        sys.stderr.write(
+            f"published kinematics: the roller leaves the surface by up to {numbers['max_roller_tilt_deg']:.2f} deg (edge "
+            f"lift {numbers['max_edge_lift_mm']:.2f} mm), its heading is up to {numbers['max_heading_error_deg']:.2f} deg "
+            f"and its centre up to {numbers['max_roller_offset_mm']:.2f} mm off; judged only where [verification] sets "
+            "these limits itself, see --kinematics roller\n"
+        )
     if evidence.passed:
         console.print(f"{name}: {evidence.blocks} blocks, verified", highlight=False, soft_wrap=True)
 

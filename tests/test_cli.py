@@ -156,6 +156,18 @@ def test_a_failing_export_leaves_the_old_program(tmp_path: Path) -> None:
     assert names(tmp_path) == {"a.nc"}
 
 
+def test_the_papers_form_is_reported_loudly(tmp_path: Path) -> None:
+    cylinder = EXAMPLES / "cylinder_panel_15.txt"
+    done = run("export", cylinder, "--kinematics", "published", "-o", "a.nc", cwd=tmp_path)
+    assert "published kinematics: the roller leaves the surface by up to 28.42 deg" in done.stderr
+    (tmp_path / "tilt.toml").write_text("[verification]\nmax_roller_tilt_deg = 1\n")
+    failed = run(
+        *("export", cylinder, "--kinematics", "published", "--setup", "tilt.toml", "-o", "b.nc"), cwd=tmp_path, expect=1
+    )
+    assert "roller_tilt_deg is " in failed.stderr
+    assert names(tmp_path) == {"a.nc", "tilt.toml"}
+
+
 def test_setup_prints_the_commented_default(tmp_path: Path) -> None:
     assert run("setup", cwd=tmp_path).stdout == default_text(Setup, "Setup of a tape-laying job")
 
