@@ -49,6 +49,25 @@ MOTIONS = (Kind.RAPID, Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)
 
 
 @dataclass(frozen=True, eq=False)
+class Arcs:
+    """Circular blocks in their planes.
+
+    Attributes:
+        axes: (m, 2) columns of the plane's axes in the positions.
+        centres: (m, 2) joint values along these axes, in metres.
+        radii: (2, m) metres, at the begin and at the end.
+        angles: (m,) radians of the begin, from the first axis to the second.
+        sweeps: (m,) radians turned from there to the end, less than a full turn or one.
+    """
+
+    axes: Ints
+    centres: Floats
+    radii: Floats
+    angles: Floats
+    sweeps: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """Blocks in execution order; row i is block i.
 
@@ -88,6 +107,12 @@ class Trajectory:
             if name != "start" and len(rows) != n:
                 raise ValueError(f"{name} has {len(rows)} rows, positions {n}")
             object.__setattr__(self, name, frozen(rows))
+        for name in ("centres", "planes"):
+            optional = getattr(self, name)
+            if optional is not None:
+                if len(optional) != n:
+                    raise ValueError(f"{name} has {len(optional)} rows, positions {n}")
+                object.__setattr__(self, name, frozen(optional))
 
     def __len__(self) -> int:
         """Number of blocks."""
@@ -116,9 +141,51 @@ class Trajectory:
         return values
 
     def within(self, blocks: Ints, fractions: Floats) -> Floats:
-        """Joint values (m, k) at (m,) fractions (0 begin, 1 end) of the (m,) blocks, straight in joint space."""
+        """Joint values (m, k) at (m,) fractions (0 begin, 1 end) of the (m,) blocks.
+
+        Blocks are straight in joint space, but for the two axes of a circular block's plane: those turn about its
+        centre at a constant rate, with the radius going linearly from that at the begin to that at the end.
+        """
         begin = self.begins(blocks)
-        return begin + fractions[:, None] * (self.positions[blocks] - begin)
+        values = begin + fractions[:, None] * (self.positions[blocks] - begin)
+        circular = np.flatnonzero(np.isin(self.kinds[blocks], (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
+        if len(circular):
+            rows = np.arange(len(circular))
+            arcs, along = self.arcs(blocks[circular]), fractions[circular]
+            angles = arcs.angles + along * arcs.sweeps
+            radii = arcs.radii[0] + along * (arcs.radii[1] - arcs.radii[0])
+            turned = arcs.centres + radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+            # The ends are those of the program, not what the radius makes of them.
+            turned[along == 1.0] = self.positions[blocks[circular]][rows[:, None], arcs.axes][along == 1.0]
+            turned[along == 0.0] = begin[circular][rows[:, None], arcs.axes][along == 0.0]
+            values[circular[:, None], arcs.axes] = turned
+        return values
+
+    def arcs(self, blocks: Ints) -> Arcs:
+        """Geometry of the circular blocks with the (m,) indices.
+
+        Raises:
+            ValueError: the trajectory has no centres or planes.
+        """
+        if self.centres is None or self.planes is None:
+            raise ValueError("a trajectory with circular blocks needs their centres and planes")
+        columns = np.array([self.column(axis) for axis in "xyz"])
+        # In each plane a counterclockwise block turns from the first of these axes to the second.
+        pairs = np.array([[0, 1], [2, 0], [1, 2]])[self.planes[blocks]]
+        axes, rows = columns[pairs], np.arange(len(blocks))[:, None]
+        centres = self.centres[blocks][rows, pairs]
+        begins, ends = self.begins(blocks)[rows, axes] - centres, self.positions[blocks][rows, axes] - centres
+        cross = begins[:, 0] * ends[:, 1] - begins[:, 1] * ends[:, 0]
+        sweeps = np.arctan2(cross, np.einsum("ij,ij->i", begins, ends))
+        turn = np.where(self.kinds[blocks] == Kind.COUNTERCLOCKWISE, 2.0 * np.pi, -2.0 * np.pi)
+        sweeps = np.where(sweeps * turn > 0.0, sweeps, sweeps + turn)
+        return Arcs(
+            axes=axes,
+            centres=centres,
+            radii=np.array([np.hypot(*begins.T), np.hypot(*ends.T)]),
+            angles=np.arctan2(begins[:, 1], begins[:, 0]),
+            sweeps=sweeps,
+        )
 
     def at(self, times: Floats) -> Floats:
         """Joint values (m, k) at (m,) seconds from the program's start, not before the first block's end."""
