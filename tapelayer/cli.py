@@ -18,7 +18,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from post import controllers
-from tapelayer import gantry, report
+from tapelayer import gantry, page, report
 from tapelayer.course import Course, read_courses
 from tapelayer.errors import Fault, ProgramRefused, SetupRefused, TapelayerError, VerificationFailed
 from tapelayer.evidence import Evidence
@@ -305,7 +305,7 @@ def _reports(
     if report_file:
         contents[Path(report_file)] = (json.dumps(numbers, indent=2, allow_nan=False) + "\n").encode()
     if html_file:
-        contents[Path(html_file)] = report.html(evidence, trajectory, numbers, setup, title).encode()
+        contents[Path(html_file)] = page.html(evidence, trajectory, numbers, setup, title).encode()
     return contents
 
 
