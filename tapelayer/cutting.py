@@ -87,8 +87,7 @@ def judge_cuts(
         setup: the job's values.
         machine: the gantry.
     """
-    changes = trajectory.times[trajectory.events == Event.STOP]
-    edges = _roll_edges(trajectory, courses, changes)
+    edges = _roll_edges(trajectory, courses)
     fresh = [not index or edge > edges[index - 1] for index, edge in enumerate(edges)]
     lines = _lines(courses, fresh, setup)
     sweeps = _sweeps(trajectory, setup, machine)
@@ -99,13 +98,12 @@ def judge_cuts(
     return TapeLedger(tuple(rows), tuple(made), used, *_shares(trajectory, courses)), failures
 
 
-def _roll_edges(trajectory: Trajectory, courses: Sequence[Laid], changes: Floats) -> list[float]:
+def _roll_edges(trajectory: Trajectory, courses: Sequence[Laid]) -> list[float]:
     """Station of the leading edge of each course's roll: u at the stop before it, 0 for the first."""
-    edges = []
-    for course in courses:
-        before = changes[changes <= course.begin]
-        edges.append(float(trajectory.at(before[-1:])[0, trajectory.column("u")]) if len(before) else 0.0)
-    return edges
+    stops = np.flatnonzero(trajectory.events == Event.STOP)
+    edges = np.append(0.0, trajectory.positions[stops, trajectory.column("u")])
+    before = np.searchsorted(trajectory.times[stops], [course.begin for course in courses], side="right")
+    return [float(edge) for edge in edges[before]]
 
 
 def _lines(courses: Sequence[Laid], fresh: Sequence[bool], setup: Setup) -> list[_Line]:
@@ -139,20 +137,26 @@ def _sweeps(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[_Swe
             later = ups[ups > row]
             begin = float(trajectory.times[row]) + delay
             end = float(trajectory.times[later[0]]) + delay if len(later) else trajectory.duration
-            first, last = np.searchsorted(trajectory.times, [begin, end], side="right")
-            moments = np.concatenate([[begin], np.clip(trajectory.times[first:last], begin, end), [max(begin, end)]])
-            spans.append((knife, int(row), begin, moments))
+            first, last = np.searchsorted(trajectory.times, [begin, max(begin, end)], side="right")
+            # The block in progress as the knife touches, every block's end from there on, the block as it lifts.
+            blocks = np.concatenate([[first], np.arange(first, last + 1)])
+            moments = np.concatenate([[begin], trajectory.times[first:last], [max(begin, end)]])
+            spans.append((knife, int(row), begin, blocks, moments))
         if not spans:
             continue
-        joints = trajectory.at(np.concatenate([moments for _, _, _, moments in spans]))
+        blocks = np.minimum(np.concatenate([blocks for *_, blocks, _ in spans]), len(trajectory) - 1)
+        moments = np.concatenate([moments for *_, moments in spans])
+        spent = trajectory.durations[blocks]
+        left = (trajectory.times[blocks] - moments) / np.where(spent > 0.0, spent, 1.0)
+        joints = trajectory.within(blocks, np.clip(1.0 - left, 0.0, 1.0))
         poses = machine.forward_all(joints, ("tape", frame))
         tape, blade = poses["tape"], poses[frame]
         # The knife's origin and blade in the tape's axes: station against x, across along y.
         place = np.einsum("nji,nj->ni", tape[:, :3, :3], blade[:, :3, 3] - tape[:, :3, 3])
         turned = np.einsum("nji,nj->ni", tape[:, :3, :3], blade[:, :3, 1])[:, :2]
-        parts = np.cumsum([len(moments) for _, _, _, moments in spans])[:-1]
+        parts = np.cumsum([len(moments) for *_, moments in spans])[:-1]
         columns = zip(np.split(-place[:, 0], parts), np.split(place[:, 1], parts), np.split(turned, parts), strict=True)
-        for (number, down_row, begin, _), (stations, across, blades) in zip(spans, columns, strict=True):
+        for (number, down_row, begin, *_), (stations, across, blades) in zip(spans, columns, strict=True):
             sweeps.append(_Sweep(number, down_row, begin, stations, across, blades))
     return sorted(sweeps, key=lambda sweep: sweep.begin)
 

@@ -22,6 +22,8 @@ from tapelayer.toolpath import Toolpath, placed
 from tapelayer.trajectory import Event, Kind, Trajectory
 
 KNIVES = ("v", "d", "q", "e")
+# A move of more than this, in metres or radians, is one in the digits of every control.
+WRITTEN_MOVE = 1e-4
 KNIFE_WORDS = {
     (1, Step.DOWN): Event.KNIFE_1_DOWN,
     (1, Step.UP): Event.KNIFE_1_UP,
@@ -137,6 +139,7 @@ class _Program:
         self.lay_speed = setup.process.lay_speed_mm_per_s * MM
         self.thread_speed = setup.process.thread_speed_mm_per_s * MM
         self.lift = setup.process.approach_mm * MM
+        self.every_axis = (1 << len(machine.axes)) - 1
         delays = setup.head.delays_ms
         self.shoe_delay, self.roller_delay = delays.shoe * 1e-3, delays.roller * 1e-3
         self.knife_delay, self.heater_delay = delays.knife * 1e-3, delays.heater * 1e-3
@@ -158,9 +161,7 @@ class _Program:
         approach = self._lifted(joints[0])
         approach[self.columns["u"]] = self.at[self.columns["u"]]
         approach[self.knives] = self.at[self.knives]
-        self._add_link(course, approach)
-
-        stroke = Stroke.begun(approach)
+        stroke = self._linked(course, approach)
         if course == 0:
             stroke.switch(Event.SUPPLY_MODE, 0.0)
         changing, threading = tape.changing[course], tape.threading[course]
@@ -212,26 +213,37 @@ class _Program:
         """Joint values (k,) with the head drawn off along its normal."""
         return self._moved(joints, gantry.normals(joints[None, self.pose])[0], self.lift)
 
-    def _add_link(self, course: int, approach: Floats) -> None:
-        """From wherever the head is to the approach point: up, over, down; by feed where a sweep is in progress."""
+    def _linked(self, course: int, approach: Floats) -> Stroke:
+        """The course's stroke, with the head at the approach point: it has gone up, over and down there.
+
+        It goes by rapids, which are no part of the stroke; where a sweep is in progress, by feed.
+        """
         z = self.columns["z"]
         at = self.at if self.parts else np.full(len(self.at), np.nan)
         up, over = at.copy(), approach.copy()
         up[z] = over[z] = self.link_height
         ways = np.vstack([up, over, approach])
+        if self._sweeping(course):
+            stroke = Stroke.begun(at)
+            for way in ways:
+                stroke.step(way, 0.0)
+            return stroke
         steps = np.abs(ways - np.vstack([at, up, over])) / self.speeds
-        done = self.tape.laying[course - 1, 1] if course else 0
-        knife_down = self.tape.steps.settled(done) > done
         rows = Rows(
             joints=ways,
-            kinds=np.full(3, Kind.LINEAR if knife_down else Kind.RAPID, np.uint8),
+            kinds=np.full(3, Kind.RAPID, np.uint8),
             # From where nothing is stated the time is not known: it counts as none.
             durations=np.max(np.nan_to_num(steps), axis=1),
             events=np.zeros(3, np.uint8),
             arcs=np.zeros(3),
         )
-        every_axis = (1 << len(approach)) - 1
-        self.parts.append((rows, course, (1 << z, every_axis, 0)))
+        self.parts.append((rows, course, (1 << z, self.every_axis, 0)))
+        return Stroke.begun(approach)
+
+    def _sweeping(self, course: int) -> bool:
+        """Whether a knife is down as the head goes to a course."""
+        done = int(self.tape.laying[course - 1, 1]) if course else 0
+        return self.tape.steps.settled(done) > done
 
     def _feed(self, stroke: Stroke, rows: Ints, target: float) -> None:
         """Feed the tape with the head in the air to `target` (metres), doing the steps of rows (2,) on the way."""
@@ -306,7 +318,12 @@ class _Program:
                 stroke.switch(Event.HEATER_OFF, self.heater_delay, int(begin))
                 stroke.switch(Event.HEATER_ON, self.heater_delay, int(end))
         rows = stroke.rows(times)
-        self.parts.append((rows, course, [0] * len(rows.kinds)))
+        stated = np.zeros(len(rows.kinds), np.int64)
+        if self._sweeping(course):
+            # Without rapids the first block that moves by a written digit states every axis.
+            moves = np.max(np.abs(np.diff(rows.joints, axis=0, prepend=self.at[None])), axis=1) > WRITTEN_MOVE
+            stated[np.argmax(moves)] = self.every_axis
+        self.parts.append((rows, course, stated.tolist()))
         self.at = rows.joints[-1]
 
     def trajectory(self, ways: Sequence[_Way]) -> Trajectory:

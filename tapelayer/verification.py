@@ -31,6 +31,8 @@ PINOCCHIO_AGREEMENT = 1e-9
 FEED_DIGITS = 1e-5
 # Inside a block that is straight in joint space the nip's speed varies by less than this share.
 NIP_SPEED_MARGIN = 0.01
+# Rounded feeds shift a switch against the motion by microseconds: tape that runs back no farther under it rests.
+RUN_BACK = 1e-6
 # The nip's arc length is found from the tape fed to this accuracy, in metres.
 STATION_ACCURACY = 1e-10
 
@@ -331,22 +333,11 @@ class Inspector:
         u = trajectory.column("u")
         rows = np.arange(len(trajectory))
         steps = np.nan_to_num(trajectory.positions[:, u] - trajectory.begins(rows)[:, u])
-        ends, begins = trajectory.times, trajectory.times - trajectory.durations
         failures = []
-        held = np.zeros(len(trajectory), np.bool_)
-        delays = self.setup.head.delays_ms
-        for on, off, delay in (
-            (Event.SHOE_DOWN, Event.SHOE_UP, delays.shoe),
-            (Event.KNIFE_1_DOWN, Event.KNIFE_1_UP, delays.knife),
-            (Event.KNIFE_2_DOWN, Event.KNIFE_2_UP, delays.knife),
-        ):
-            times = [trajectory.times[trajectory.events == event] + delay * 1e-3 for event in (on, off)]
-            # A block is held where the switch is on at some moment of it.
-            held |= np.searchsorted(times[0], ends) > np.searchsorted(times[1], begins, side="right")
-        back = held & (steps < 0.0)
-        if np.any(back):
-            row = int(np.argmin(np.where(back, steps, 0.0)))
-            failures.append(self._at_block(trajectory, row, "tape_run_back_mm", -steps[row] / MM, 0.0))
+        back = steps * self._held(trajectory)
+        row = int(np.argmin(back))
+        if not back[row] >= -RUN_BACK:
+            failures.append(self._at_block(trajectory, row, "tape_run_back_mm", -back[row] / MM, 0.0))
         slack = self.setup.verification.max_tape_error_mm * MM
         free = np.ones(len(trajectory), np.bool_)
         for laying, following in zip(layings, [*layings, None][1:], strict=False):
@@ -376,6 +367,24 @@ class Inspector:
                 self._at_block(trajectory, row, "supply_mode_before_feed", len(supply[supply < first_feed]), 1)
             )
         return float(np.max(-steps, initial=0.0)), failures
+
+    def _held(self, trajectory: Trajectory) -> Floats:
+        """Largest share (n,) of each block's time during which the shoe or one of the knives is down."""
+        delays = self.setup.head.delays_ms
+        shares = np.zeros(len(trajectory))
+        spent = np.where(trajectory.durations > 0.0, trajectory.durations, 1.0)
+        for on, off, delay in (
+            (Event.SHOE_DOWN, Event.SHOE_UP, delays.shoe),
+            (Event.KNIFE_1_DOWN, Event.KNIFE_1_UP, delays.knife),
+            (Event.KNIFE_2_DOWN, Event.KNIFE_2_UP, delays.knife),
+        ):
+            times = np.sort(np.concatenate([trajectory.times[trajectory.events == event] for event in (on, off)]))
+            times = np.append(times, trajectory.duration)[: len(times) + len(times) % 2] + delay * 1e-3
+            if len(times):
+                down = np.cumsum(np.diff(times) * (np.arange(len(times) - 1) % 2 == 0))
+                until = np.interp(trajectory.times, times, np.append(0.0, down))
+                shares = np.maximum(shares, np.diff(until, prepend=0.0) / spent)
+        return shares
 
     def _pinocchio(self, trajectory: Trajectory) -> float:
         """Largest difference, in metres, between Pinocchio itself and the batch evaluator at block ends."""
