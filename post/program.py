@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from post.controllers import AxisWord, Controller
 from post.words import Cells, join, literals, rounded, words
@@ -36,7 +37,9 @@ def write(verified: Verified, controller: Controller, provenance: Provenance) ->
     Axis words are written where their rounded text changes or where the trajectory states the axis, and for every axis
     at the first motion that knows it. The feed word is computed from the rounded end points. A motion in which no
     rounded word changes is written as a dwell of its duration; where that rounds to nothing, the block is dropped and
-    its time is added to the next block if that is a straight motion, or else collected into one dwell.
+    its time is added to the next block if that is a straight motion, or else collected into one dwell. An axis that
+    the control does not interpolate is written as its table says, and a block that moves no other is followed by a
+    dwell of the block's duration.
 
     Args:
         verified: what `verify` passed; the joint values of an axis may be NaN until it is first stated.
@@ -52,14 +55,16 @@ def write(verified: Verified, controller: Controller, provenance: Provenance) ->
     if not len(trajectory):
         raise NotWritable("the trajectory has no blocks, so there is no program to write")
     columns = _columns(trajectory, controller.addressed(trajectory.axes))
-    durations, pauses = _times(trajectory, columns, 10**controller.codes.dwell_decimals)
-    feeds = _feeds(trajectory.kinds, durations, columns, controller)
+    moves = _moves(trajectory, columns, controller)
+    durations, pauses = _times(trajectory, moves, 10**controller.codes.dwell_decimals)
+    feeds = _feeds(moves.straight, durations, columns, controller)
     starts = _starts(trajectory.courses)
     if controller.u_reset == "course":
         columns = [_reset(column, starts) if TAPE in column.axis.joints else column for column in columns]
     for column in columns:
         column.check(controller.max_word)
-    rows = _rows(trajectory, columns, pauses, feeds, starts, controller)
+    layout = _layout(trajectory, moves, pauses, 10**controller.codes.dwell_decimals)
+    rows = _rows(trajectory, columns, layout, feeds, starts, controller)
     head = _head(controller, provenance)
     last = f"{controller.blocks.last_line}\n" if controller.blocks.last_line else ""
     courses = [_course_comment(trajectory.courses, block, controller) for block in starts.tolist()]
@@ -102,23 +107,38 @@ class _Column:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
-    """Numbered rows of the program, in order: blocks of the trajectory, and fixed texts.
+class _Layout:
+    """Rows that the blocks become, in order.
 
     Attributes:
-        blocks: (m,) block that a row writes, -1 for a fixed text.
+        blocks: (m,) block that a row writes.
+        plain: (m,) whether it has the words of axes that the control interpolates.
+        outputs: (m,) whether it has those of the others.
+        pauses: (m,) dwell time in units of its last decimal, 0 where there is none.
+    """
+
+    blocks: Ints
+    plain: Mask
+    outputs: Mask
+    pauses: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Numbered rows of the program, in order: those of the blocks, and fixed texts.
+
+    Attributes:
+        layout: what the rows write; a fixed text has block -1.
         codes: (m,) index into `texts`.
         texts: G and M words and fixed texts, with their leading space; the first is empty.
-        pauses: (m,) dwell time in units of its last decimal, 0 where there is none.
         feeds: (m,) feed in units of its last decimal, 0 where none is written.
         feed_decimals: (m,) decimals of each feed.
         comments: rows in front of which a course's comment stands, in order.
     """
 
-    blocks: Ints
+    layout: _Layout
     codes: Ints
     texts: tuple[bytes, ...]
-    pauses: Ints
     feeds: Ints
     feed_decimals: Ints
     comments: Ints
@@ -186,17 +206,68 @@ def _moving(trajectory: Trajectory) -> Mask:
     return motions[trajectory.kinds]
 
 
-def _times(trajectory: Trajectory, columns: Sequence[_Column], units: int) -> tuple[Floats, Ints]:
-    """Durations (n,) of straight blocks in seconds with those of dropped blocks added, and dwells (n,) in units."""
-    moving = _moving(trajectory)
-    written = np.logical_or.reduce([column.written for column in columns])
-    moved = _moved(columns)
-    still = written & ~moved & moving & (trajectory.kinds != Kind.RAPID)
+@dataclass(frozen=True, eq=False)
+class _Moves:
+    """What the blocks' words do.
+
+    Attributes:
+        written: (n,) blocks with words of axes that the control interpolates.
+        moved: (n,) blocks in which such an axis moves.
+        straight: (n,) blocks that have a feed: these but for rapids.
+        put_out: (n,) blocks with words of axes that the control does not interpolate.
+        turned: (n,) blocks in which one of those moves.
+        alone: whether those stand in blocks of their own.
+    """
+
+    written: Mask
+    moved: Mask
+    straight: Mask
+    put_out: Mask
+    turned: Mask
+    alone: bool
+
+
+def _moves(trajectory: Trajectory, columns: Sequence[_Column], controller: Controller) -> _Moves:
+    """What the blocks' words do; refuses what cannot be said in one block."""
+    plain = [column for column in columns if not column.axis.word]
+    outputs = [column for column in columns if column.axis.word]
+    alone = any(column.axis.alone for column in outputs)
+    count = len(trajectory)
+    written, moved = _any(count, (column.written for column in plain)), _any(count, (_moved(c) for c in plain))
+    put_out, turned = _any(count, (column.written for column in outputs)), _any(count, (_moved(c) for c in outputs))
+    feeding = _moving(trajectory) & (trajectory.kinds != Kind.RAPID)
+    still = feeding & ((written & ~moved) | (put_out & ~turned & ~moved))
     if still.any():
         raise NotWritable(
             f"block {int(np.argmax(still))}: states axes without moving one; only a rapid can, at no feed"
         )
-    bare = moving & ~written
+    if alone and np.any(moved & turned):
+        block = int(np.argmax(moved & turned))
+        joint = next(column.joint for column in outputs if _moved(column)[block])
+        raise NotWritable(
+            f"block {block}: axis {joint} moves together with others, but controller {controller.name} moves it in "
+            "blocks of its own; take it apart first"
+        )
+    return _Moves(written, moved, feeding & moved, put_out, turned, alone)
+
+
+def _any(count: int, masks: Iterable[Mask]) -> Mask:
+    """Where one of the masks (n,) is set."""
+    found = np.zeros(count, dtype=bool)
+    for mask in masks:
+        found |= mask
+    return found
+
+
+def _moved(column: _Column) -> Mask:
+    """Blocks (n,) in which an axis's rounded number changes."""
+    changed: Mask = column.numbers[1:] != column.numbers[:-1]
+    return changed
+
+
+def _times(trajectory: Trajectory, moves: _Moves, units: int) -> tuple[Floats, Ints]:
+    """Durations (n,) of straight blocks in seconds with those of dropped blocks added, and dwells (n,) in units."""
+    bare = _moving(trajectory) & ~moves.written & ~moves.put_out
     waits = bare | (trajectory.kinds == Kind.DWELL)
     pauses = np.zeros(len(trajectory), dtype=np.int64)
     pauses[waits] = rounded(trajectory.durations[waits] * units, 0)
@@ -208,24 +279,24 @@ def _times(trajectory: Trajectory, columns: Sequence[_Column], units: int) -> tu
     ends = np.flatnonzero(np.append(np.diff(dropped) > 1, True))
     totals = np.diff(np.cumsum(durations[dropped])[ends], prepend=0.0)
     following = dropped[ends] + 1
-    straight = moved & (trajectory.kinds != Kind.RAPID)
-    taken = (following < len(trajectory)) & straight[np.minimum(following, len(trajectory) - 1)]
+    taken = (following < len(trajectory)) & moves.straight[np.minimum(following, len(trajectory) - 1)]
     durations = durations.copy()
     durations[following[taken]] += totals[taken]
     pauses[following[~taken] - 1] = rounded(totals[~taken] * units, 0)
     return durations, pauses
 
 
-def _feeds(kinds: np.ndarray, durations: Floats, columns: Sequence[_Column], controller: Controller) -> Floats:
-    """Feed (n,) of each straight block that moves, by the control's rule; 0 elsewhere."""
-    straight = np.flatnonzero((kinds == Kind.LINEAR) & _moved(columns))
+def _feeds(feeding: Mask, durations: Floats, columns: Sequence[_Column], controller: Controller) -> Floats:
+    """Feed (n,) of each block that has one, by the control's rule; 0 elsewhere."""
+    straight = np.flatnonzero(feeding)
     minutes = durations[straight] / 60.0
     if not np.all(minutes > 0.0):
         raise NotWritable(f"block {straight[~(minutes > 0.0)][0]}: moves in no time, so it has no feed")
-    feeds = np.zeros(len(kinds))
+    feeds = np.zeros(len(durations))
     if controller.feed.mode == "inverse_time":
         feeds[straight] = 1.0 / minutes
         return feeds
+    columns = [column for column in columns if not column.axis.word]
     lengths = np.zeros(len(straight))
     for group in controller.feed.path:
         rest = np.flatnonzero(lengths == 0.0)
@@ -237,14 +308,6 @@ def _feeds(kinds: np.ndarray, durations: Floats, columns: Sequence[_Column], con
         lengths[rest] = _norm(columns, straight[rest])
     feeds[straight] = lengths / minutes
     return feeds
-
-
-def _moved(columns: Sequence[_Column]) -> Mask:
-    """Blocks (n,) in which a rounded number changes."""
-    moved = np.zeros(len(columns[0].written), dtype=bool)
-    for column in columns:
-        moved |= column.numbers[1:] != column.numbers[:-1]
-    return moved
 
 
 def _norm(columns: Sequence[_Column], blocks: Ints) -> Floats:
@@ -270,52 +333,79 @@ def _reset(column: _Column, starts: Ints) -> _Column:
     return replace(column, numbers=column.numbers - np.concatenate([[0], zeros])[epochs])
 
 
+def _layout(trajectory: Trajectory, moves: _Moves, pauses: Ints, units: int) -> _Layout:
+    """Rows of the blocks: none for what is dropped, more than one where an axis is put out."""
+    kept = moves.written | (pauses > 0) | (trajectory.kinds == Kind.SWITCH)
+    if not moves.put_out.any():
+        blocks = np.flatnonzero(kept)
+        return _Layout(blocks, moves.written[blocks], np.zeros(len(blocks), dtype=bool), pauses[blocks])
+    apart = moves.put_out & (~moves.written | moves.alone)
+    waits = np.flatnonzero(apart & moves.turned & ~moves.moved)
+    # A block is its output, the wait for that, and the rest, in this order.
+    parts = [np.flatnonzero(apart), waits, np.flatnonzero(kept)]
+    blocks = np.concatenate(parts)
+    part = np.repeat([0, 1, 2], [len(rows) for rows in parts])
+    times = np.concatenate([np.zeros(len(parts[0]), np.int64), rounded(trajectory.durations[waits] * units, 0)])
+    times = np.concatenate([times, pauses[parts[2]]])
+    order = np.lexsort((part, blocks))
+    order = order[(part[order] != 1) | (times[order] > 0)]
+    blocks, part = blocks[order], part[order]
+    return _Layout(
+        blocks=blocks,
+        plain=moves.written[blocks] & (part == 2),
+        outputs=moves.put_out[blocks] & np.where(apart[blocks], part == 0, part == 2),
+        pauses=times[order],
+    )
+
+
 def _rows(
     trajectory: Trajectory,
     columns: Sequence[_Column],
-    pauses: Ints,
+    layout: _Layout,
     feeds: Floats,
     starts: Ints,
     controller: Controller,
 ) -> _Rows:
-    """Rows of the program: what is kept of the blocks, with modal G and feed words, and the fixed texts between."""
-    kinds = trajectory.kinds
-    written = np.logical_or.reduce([column.written for column in columns])
-    switching = kinds == Kind.SWITCH
-    kept = np.flatnonzero(written | (pauses > 0) | switching)
-    epochs = np.cumsum(np.bincount(starts, minlength=len(kinds)))[kept]
+    """Rows with modal G and feed words, and the fixed texts between."""
+    blocks = layout.blocks
+    epochs = np.cumsum(np.bincount(starts, minlength=len(trajectory)))[blocks]
+    texts = [""]
+
+    def text(words: str) -> int:
+        if words not in texts:
+            texts.append(words)
+        return texts.index(words)
+
     codes = controller.codes
-    texts = ["", codes.rapid, codes.linear, codes.dwell]
-    rapid, linear, dwell = 1, 2, 3
-    motions = np.flatnonzero(written[kept])
-    code = np.zeros(len(kept), dtype=np.int64)
-    code[motions] = np.where(kinds[kept[motions]] == Kind.RAPID, rapid, linear)
+    motions = np.flatnonzero(layout.plain)
+    code = np.zeros(len(blocks), dtype=np.int64)
+    code[motions] = np.where(trajectory.kinds[blocks[motions]] == Kind.RAPID, text(codes.rapid), text(codes.linear))
     code[motions[_same(epochs[motions], code[motions])]] = 0
-    code[pauses[kept] > 0] = dwell
-    events = controller.event_words()
-    for event in np.unique(trajectory.events[switching]).tolist():
-        if Event(event) not in events:
-            block = int(np.argmax(switching & (trajectory.events == event)))
+    code[layout.pauses > 0] = text(codes.dwell)
+    output_word = next((column.axis.word for column in columns if column.axis.word), "")
+    code[layout.outputs & ~layout.plain] = text(output_word)
+    switches = np.flatnonzero(trajectory.kinds[blocks] == Kind.SWITCH)
+    at_rest = _at_rest(layout, trajectory.events[blocks], switches)
+    for event in np.flatnonzero(np.bincount(trajectory.events[blocks[switches]])).tolist():
+        if Event(event) not in controller.event_words():
+            block = int(np.argmax((trajectory.kinds == Kind.SWITCH) & (trajectory.events == event)))
             raise NotWritable(
                 f"block {block}: controller {controller.name} has no word for {Event(event).name.lower()}; "
                 "add it to the table's events"
             )
-        code[switching[kept] & (trajectory.events[kept] == event)] = len(texts)
-        texts.append(events[Event(event)])
-    feed, decimals = _feed_digits(feeds[kept], controller.feed.digits)
-    moving = np.flatnonzero(feed > 0)
+        for resting in (False, True):
+            here = (trajectory.events[blocks[switches]] == event) & (at_rest == resting)
+            code[switches[here]] = text(controller.event_words(resting)[Event(event)])
+    feed, decimals = _feed_digits(np.where(layout.plain, feeds[blocks], 0.0), controller.feed.digits)
     if controller.feed.modal:
-        repeated = moving[_same(epochs[moving], feed[moving], decimals[moving])]
-        feed[repeated] = 0
+        feeding = np.flatnonzero(feed > 0)
+        feed[feeding[_same(epochs[feeding], feed[feeding], decimals[feeding])]] = 0
     before: list[int] = []
     inserted: list[int] = []
 
     def insert(at: int, fixed: Sequence[str]) -> None:
-        for text in fixed:
-            if text not in texts:
-                texts.append(text)
-            before.append(at)
-            inserted.append(texts.index(text))
+        before.extend([at] * len(fixed))
+        inserted.extend(text(words) for words in fixed)
 
     comments = []
     insert(0, controller.blocks.preamble)
@@ -323,21 +413,36 @@ def _rows(
         insert(0, controller.blocks.restated)
     tape = next((column for column in columns if TAPE in column.axis.joints), None)
     for start in starts.tolist():
-        at = int(np.searchsorted(kept, start))
+        at = int(np.searchsorted(blocks, start))
         comments.append(at + len(before))
         insert(at, controller.blocks.restated)
         if controller.u_reset == "course" and tape is not None and tape.written[:start].any():
             insert(at, [f"{codes.set_position} {tape.axis.address}0"])
-    insert(len(kept), controller.blocks.end[:1])
+    insert(len(blocks), controller.blocks.end[:1])
     return _Rows(
-        blocks=np.insert(kept, before, -1),
+        layout=_Layout(
+            blocks=np.insert(blocks, before, -1),
+            plain=np.insert(layout.plain, before, False),
+            outputs=np.insert(layout.outputs, before, False),
+            pauses=np.insert(layout.pauses, before, 0),
+        ),
         codes=np.insert(code, before, inserted),
-        texts=tuple(f" {text}".encode("ascii") if text else b"" for text in texts),
-        pauses=np.insert(pauses[kept], before, 0),
+        texts=tuple(f" {words}".encode("ascii") if words else b"" for words in texts),
         feeds=np.insert(feed, before, 0),
         feed_decimals=np.insert(decimals, before, 0),
         comments=np.array(comments, dtype=np.int64),
     )
+
+
+def _at_rest(layout: _Layout, events: NDArray[np.uint8], switches: Ints) -> Mask:
+    """Switching rows (m,) that no motion follows at once, other switching rows left out; a stop is no motion."""
+    follows = np.ones(len(layout.blocks), dtype=bool)
+    follows[switches] = events[switches] == Event.STOP
+    candidates = np.flatnonzero(follows)
+    place = np.searchsorted(candidates, switches, "right")
+    moves = np.append(layout.plain[candidates], False)
+    at_rest: Mask = ~moves[place]
+    return at_rest
 
 
 def _same(*keys: np.ndarray) -> Mask:
@@ -368,8 +473,8 @@ def _body(
 ) -> Iterator[bytes]:
     """Text of the rows with the courses' comments in their places, piece by piece."""
     remaining = iter(comments)
-    for first in range(0, len(rows.blocks), CHUNK):
-        page = slice(first, min(first + CHUNK, len(rows.blocks)))
+    for first in range(0, len(rows.codes), CHUNK):
+        page = slice(first, min(first + CHUNK, len(rows.codes)))
         cells = _page(rows, page, columns, controller)
         text = join(page.stop - page.start, cells)
         longest = controller.blocks.max_line
@@ -395,8 +500,8 @@ def _page(
     rows: _Rows, page: slice, columns: Sequence[_Column], controller: Controller
 ) -> list[tuple[Ints | None, Cells]]:
     """Cells of a slice of the rows."""
-    blocks = rows.blocks[page]
-    present = blocks >= 0
+    layout = rows.layout
+    blocks, pauses = layout.blocks[page], layout.pauses[page]
     cells: list[tuple[Ints | None, Cells]] = []
     low, high = np.searchsorted(rows.comments, [page.start, page.stop])
     if low < high:
@@ -406,18 +511,23 @@ def _page(
         cells.append((None, words(b"N", numbers, 0)))
     cells.append((None, tuple(cell[rows.codes[page]] for cell in literals(rows.texts))))
     for column in columns:
-        at = np.flatnonzero(column.written[blocks] & present)
+        carried = layout.outputs[page] if column.axis.word else layout.plain[page]
+        at = np.flatnonzero(column.written[blocks] & carried)
         if len(at):
             address = f" {column.axis.address}".encode("ascii")
             cells.append((at, words(address, column.numbers[blocks[at] + 1], column.axis.decimals)))
-    at = np.flatnonzero(rows.pauses[page])
+    at = np.flatnonzero(pauses)
     if len(at):
         address = f" {controller.codes.dwell_address}".encode("ascii")
-        cells.append((at, words(address, rows.pauses[page][at], controller.codes.dwell_decimals)))
+        cells.append((at, words(address, pauses[at], controller.codes.dwell_decimals)))
     feeds, decimals = rows.feeds[page], rows.feed_decimals[page]
     for digits in np.flatnonzero(np.bincount(decimals[feeds > 0])).tolist():
         at = np.flatnonzero((feeds > 0) & (decimals == digits))
         cells.append((at, words(f" {controller.feed.address}".encode("ascii"), feeds[at], digits)))
+    for word in sorted({column.axis.word for column in columns} - {""}):
+        cells.append(
+            (np.flatnonzero(layout.outputs[page] & layout.plain[page]), literals([f" {word}".encode("ascii")]))
+        )
     cells.append((None, literals([b"\n"])))
     return cells
 

@@ -7,13 +7,13 @@ and every state of the control is carried forward over all lines at once.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from post.controllers import Controller, code
+from post.controllers import AxisWord, Controller, code
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import Fault, ProgramRefused
 from tapelayer.trajectory import Event, Kind, Trajectory
@@ -26,6 +26,8 @@ CHUNK = 1 << 15
 # Digits that two times eight bytes hold, and the mantissa up to which a double is exact.
 LONGEST = 16
 EXACT = 2**53
+# Blocks whose time comes from a feed word.
+FEEDING = (Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)
 
 _FIRST_LETTER = ord("A")
 _NEWLINE = ord("\n")
@@ -36,10 +38,17 @@ _HEADER = re.compile(r"(tapelayer|source sha256:|setup sha256:|source:|controlle
 _COURSE = re.compile(r"course +(\d{1,9})\b", re.IGNORECASE)
 
 # What G words say, and which of them exclude each other in a block: an action, a distance mode, a feed mode, a plane.
-_RAPID, _LINEAR, _DWELL, _SET, _ABSOLUTE, _INCREMENTAL, _PER_MINUTE, _INVERSE_TIME, _PLANE, _NO_EFFECT = range(1, 11)
-_GROUPS = np.array([0, 1, 1, 1, 1, 2, 2, 3, 3, 4, 0], dtype=np.uint8)
-_ACTION, _DISTANCE, _FEED_MODE = 1, 2, 3
-_KINDS = {_RAPID: Kind.RAPID, _LINEAR: Kind.LINEAR, _DWELL: Kind.DWELL}
+_RAPID, _LINEAR, _CLOCKWISE, _COUNTERCLOCKWISE, _DWELL, _SET = range(1, 7)
+_ABSOLUTE, _INCREMENTAL, _PER_MINUTE, _INVERSE_TIME, _XY, _ZX, _YZ, _NO_EFFECT = range(7, 15)
+_GROUPS = np.array([0, 1, 1, 1, 1, 1, 1, 2, 2, 3, 3, 4, 4, 4, 0], dtype=np.uint8)
+_ACTION, _DISTANCE, _FEED_MODE, _PLANE = 1, 2, 3, 4
+_MODES = (_RAPID, _LINEAR, _CLOCKWISE, _COUNTERCLOCKWISE)
+_KINDS = np.array([Kind.SWITCH, Kind.RAPID, Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE], dtype=np.uint8)
+_PLANES = {"xy": _XY, "zx": _ZX, "yz": _YZ}
+# Joints of a plane's axes, from the first of which a counterclockwise block turns to the second.
+_PAIRS = (("x", "y"), ("z", "x"), ("y", "z"))
+# Begin and end of an arc may differ this much in their distance from the centre: rounding, as controls allow.
+RADIUS_TOLERANCE_MM = 0.005
 
 
 @dataclass(frozen=True)
@@ -103,39 +112,62 @@ def read(
     source = _Source(text, controller, name)
     words = _tokens(source, controller)
     blocks = _blocks(source, words, controller)
-    paths = [_path(blocks, axis.address) for axis, _ in axes]
-    moved = np.zeros(len(blocks.rows), dtype=bool)
-    for path in paths:
-        moved[path.blocks[np.abs(path.steps) > 0.0]] = True
+    paths = {axis.address: _path(blocks, axis) for axis, _ in axes}
+    plain = {axis.address: paths[axis.address] for axis, _ in axes if not axis.word}
+    moved = _where_moved(len(blocks.rows), plain.values())
+    source.refuse()
+    circles = _circles(blocks, paths, controller)
     feeds = _feeds(blocks, moved)
     source.refuse()
     positions = np.empty((len(blocks.rows), len(machine_axes)))
     stated = np.zeros(len(blocks.rows), dtype=np.uint16)
     durations = np.where(blocks.kinds == Kind.DWELL, blocks.pauses, 0.0)
-    for path, (axis, index) in zip(paths, axes, strict=True):
+    for axis, index in axes:
+        path = paths[axis.address]
         scale = np.deg2rad if axis.unit == "deg" else _metres
         first = path.blocks[0] if len(path.blocks) else len(positions)
         positions[:first, index] = np.nan
-        lengths = np.diff(path.blocks, append=len(positions))
-        positions[first:, index] = np.repeat(scale(path.positions), lengths)
+        positions[first:, index] = np.repeat(scale(path.positions), np.diff(path.blocks, append=len(positions)))
         stated[path.blocks] |= np.uint16(1 << index)
         # A step from where nothing was stated is NaN, which fmax passes over.
-        rapid = np.flatnonzero(blocks.kinds[path.blocks] == Kind.RAPID)
+        rapid = np.flatnonzero((blocks.kinds[path.blocks] == Kind.RAPID) & ~blocks.outputs[path.blocks])
         times = np.abs(scale(path.steps[rapid])) / speeds[machine_axes[index]]
         durations[path.blocks[rapid]] = np.fmax(durations[path.blocks[rapid]], times)
-    straight = np.flatnonzero((blocks.kinds == Kind.LINEAR) & moved)
-    lengths = _lengths({axis.address: path for path, (axis, _) in zip(paths, axes, strict=True)}, moved, controller)
+    straight = np.flatnonzero(np.isin(blocks.kinds, FEEDING) & moved)
+    lengths = _lengths(plain, moved, circles, controller)
     durations[straight] = 60.0 * np.where(blocks.inverse, 1.0, lengths)[straight] / feeds[straight]
+    # What the control does not interpolate moves in the dwell that follows its word at once, and is one block with it.
+    outputs = [path for address, path in paths.items() if address not in plain]
+    turned = _where_moved(len(blocks.rows), outputs)
+    turns = np.flatnonzero(blocks.outputs & turned)
+    waiting = turns[blocks.kinds[np.minimum(turns + 1, len(blocks.kinds) - 1)] == Kind.DWELL]
+    kinds = blocks.kinds.copy()
+    kinds[turns] = Kind.LINEAR
+    durations[waiting] = blocks.pauses[waiting + 1]
+    kept = np.ones(len(kinds), dtype=bool)
+    kept[waiting + 1] = False
+    # Where it is only stated again, that belongs to the next block.
+    again = blocks.outputs & ~turned
+    for path in outputs:
+        again[path.blocks[:1]] = False
+    restated = np.flatnonzero(again)
+    kept[restated] = False
+    following = np.flatnonzero(kept)
+    place = np.searchsorted(following, restated)
+    np.bitwise_or.at(stated, following[place[place < len(following)]], stated[restated[place < len(following)]])
+    rows = slice(None) if kept.all() else following
     trajectory = Trajectory(
         axes=tuple(machine_axes),
         start=np.full(len(machine_axes), np.nan),
-        positions=positions,
-        kinds=blocks.kinds,
-        durations=durations,
-        events=blocks.events,
-        courses=_courses(source.comments, blocks),
-        stated=stated,
-        lines=(blocks.rows + 1).astype(np.int32),
+        positions=positions[rows],
+        kinds=kinds[rows],
+        durations=durations[rows],
+        events=blocks.events[rows],
+        courses=_courses(source.comments, blocks)[rows],
+        stated=stated[rows],
+        lines=(blocks.rows[rows] + 1).astype(np.int32),
+        centres=circles.centres[rows] if circles.any else None,
+        planes=blocks.planes[rows] if circles.any else None,
     )
     said: dict[str, str] = {}
     for comment in source.comments:
@@ -297,7 +329,7 @@ class _Words:
 def _tokens(source: _Source, controller: Controller) -> _Words:
     """Words of the text: letters and numbers with any spaces between them."""
     text = bytes(source.plain.translate(bytes(range(256)).upper(), b" \t"))
-    extended = [axis.address for axis in controller.axes if len(axis.address) > 1]
+    extended = _extended(controller)
     for number, address in enumerate(extended):
         text = text.replace(address.encode("ascii"), bytes([_EXTENDED + number]))
     # Numbers are taken eight bytes back from their ends, so something must stand in front.
@@ -419,11 +451,14 @@ class _Blocks:
         kinds: (n,) `Kind` of each.
         events: (n,) `Event` of each.
         pauses: (n,) seconds of each dwell, NaN elsewhere.
+        outputs: (n,) blocks that consist of axis words which the control does not interpolate.
         inverse: (n,) whether feeds are inverse time.
         feeds: (lines,) feed word of each line, NaN without.
         mode_changes: (lines,) where a feed mode is stated.
         incremental: (lines,) whether axis words are increments.
         sets: (lines,) whether axis words set the present position.
+        planes: (n,) plane of circular blocks: 0 XY, 1 ZX, 2 YZ.
+        offsets: centre of each circular block from its begin along x, y, z: (n,) each, NaN where not written.
         axes: indices of the words of each axis address.
         letters: one byte for each axis address, as in the words.
     """
@@ -434,11 +469,14 @@ class _Blocks:
     kinds: NDArray[np.uint8]
     events: NDArray[np.uint8]
     pauses: Floats
+    outputs: Mask
     inverse: Mask
     feeds: Floats
     mode_changes: Mask
     incremental: Mask
     sets: Mask
+    planes: NDArray[np.uint8]
+    offsets: Sequence[Floats]
     axes: Mapping[str, Ints]
     letters: Mapping[str, int]
 
@@ -450,78 +488,128 @@ class _Blocks:
 def _blocks(source: _Source, words: _Words, controller: Controller) -> _Blocks:
     """Meaning of every line, modal state carried forward."""
     codes = controller.codes
-    extended = [axis.address for axis in controller.axes if len(axis.address) > 1]
-    letter_of = {
-        axis.address: _EXTENDED + extended.index(axis.address) if axis.address in extended else ord(axis.address)
-        for axis in controller.axes
-    }
-    axes = {address: words.of(letter, address.rstrip("=")) for address, letter in letter_of.items()}
-    has_axis = np.zeros(words.line_count, dtype=bool)
-    for found in axes.values():
-        has_axis[words.lines[found]] = True
-    groups = _preparatory(words, controller)
+    letters = {axis.address: _letter(axis.address, controller) for axis in controller.axes}
+    axes = {address: words.of(letter, address.rstrip("=")) for address, letter in letters.items()}
+    has_axis, has_output = np.zeros(words.line_count, dtype=bool), np.zeros(words.line_count, dtype=bool)
+    for axis in controller.axes:
+        (has_output if axis.word else has_axis)[words.lines[axes[axis.address]]] = True
+    arguments = {letter: words.by_line(ord(letter), letter) for letter in _arguments(controller)}
+    used = {letter: np.zeros(words.line_count, dtype=bool) for letter in arguments}
+    groups = _preparatory(words, controller, arguments, used)
     action = groups[_ACTION]
     dwells, sets = action == _DWELL, action == _SET
-    event_letters = {words_[1][0] for words_ in map(str.split, controller.events.values()) if len(words_) > 1}
-    letters = {codes.dwell_address, controller.feed.address} | event_letters
-    arguments = {letter: words.by_line(ord(letter), letter) for letter in sorted(letters)}
-    event, ends, used = _switching(words, controller, arguments)
+    mode = _held(action, np.isin(action, _MODES), 0)
+    moves = has_axis & ~dwells & ~sets
+    circular = moves & (mode >= _CLOCKWISE) & (mode <= _COUNTERCLOCKWISE)
+    events, ends, takes = _switching(words, controller, arguments, used)
     used[codes.dwell_address] |= dwells
     used[controller.feed.address] |= ~dwells
-    for letter, belongs in used.items():
-        for line in np.flatnonzero(~np.isnan(arguments[letter]) & ~belongs).tolist():
-            words.fault_in(line, ord(letter), f"a {letter} word has no meaning in this block; remove it")
-    ignored = {word for word in codes.no_effect if len(word) == 1}
-    known = np.zeros(256, dtype=bool)
-    known[[ord(letter) for letter in {"N", "G", "M"} | letters | ignored] + list(letter_of.values())] = True
-    for word in np.flatnonzero(~known[words.letters]).tolist():
-        words.fault(word, f"{_shown(words.letters[word], extended)} is no word of controller {controller.name}")
-    mode = _held(action, np.isin(action, (_RAPID, _LINEAR)), 0)
-    moves = has_axis & ~dwells & ~sets
+    for letter in set(controller.arcs.offsets) & set(used):
+        used[letter] |= circular
+    _check_letters(words, controller, arguments, used, letters.values())
     for line in np.flatnonzero(moves & (mode == 0)).tolist():
         source.fault(line, 0, f"axis words before any {codes.rapid} or {codes.linear}; state one of them")
-    for line in np.flatnonzero((event > 0) & (moves | dwells | sets)).tolist():
+    for line in np.flatnonzero((events > 0) & (moves | dwells | sets)).tolist():
         words.fault_in(line, ord("M"), "a switching word stands in a block with a motion or dwell; give it its own")
+    for axis in controller.axes:
+        missing = ~takes[words.lines[axes[axis.address]]] & bool(axis.word)
+        for word in axes[axis.address][missing].tolist():
+            words.fault(word, f"expected {axis.word} in a block with {axis.address.rstrip('=')}")
+    alone = any(axis.alone for axis in controller.axes)
+    for line in np.flatnonzero(takes & (~has_output | dwells | sets | (alone & has_axis))).tolist():
+        words.fault_in(line, ord("M"), "expected the axis words that this word takes, and no others that it does not")
     pauses = arguments[codes.dwell_address]
-    for line in np.flatnonzero(dwells & (has_axis | ~(pauses >= 0.0))).tolist():
+    for line in np.flatnonzero(dwells & (has_axis | has_output | ~(pauses >= 0.0))).tolist():
         sentence = f"expected {codes.dwell} {codes.dwell_address} and the seconds, nothing else"
         words.fault_in(line, ord("G"), sentence)
     feeds = np.where(dwells, np.nan, arguments[controller.feed.address])
     for line in np.flatnonzero(feeds <= 0.0).tolist():
         words.fault_in(line, ord(controller.feed.address), "expected a feed above 0")
-    last = int(np.argmax(ends)) if ends.any() else words.line_count
-    if last == words.line_count:
-        sentence = f"the program does not end with {' or '.join(controller.blocks.end)}; it may be cut off"
-        source.fault(max(words.line_count - 2, 0), -1, sentence)
-    for line in (np.flatnonzero(np.diff(words.firsts)[last + 1 :]) + last + 1)[:1].tolist():
-        source.fault(line, 0, f"stands after the end of the program in line {last + 1}")
-    distance, feed_mode = groups[_DISTANCE], groups[_FEED_MODE]
-    kind = np.where(moves, np.where(mode == _RAPID, Kind.RAPID, Kind.LINEAR), Kind.SWITCH).astype(np.uint8)
-    kind[dwells] = Kind.DWELL
-    blocks = moves | dwells | (event > 0)
-    rows = np.flatnonzero(blocks)
+    _check_end(words, controller, ends)
+    outputs = takes & has_output & ~has_axis
+    blocks = moves | dwells | outputs | (events > 0)
+    kinds = np.where(moves, _KINDS[mode], np.where(dwells, Kind.DWELL, np.where(outputs, Kind.RAPID, Kind.SWITCH)))
     source.refuse()
+    rows = np.flatnonzero(blocks)
     if not len(rows):
         raise ProgramRefused(source.name, [Fault(0, "the program has no blocks")])
+    distance, feed_mode, plane = groups[_DISTANCE], groups[_FEED_MODE], groups[_PLANE]
+    offsets = [arguments.get(letter, np.full(words.line_count, np.nan))[rows] for letter in controller.arcs.offsets]
     return _Blocks(
         words=words,
         rows=rows,
         of_line=np.cumsum(blocks) - 1,
-        kinds=kind[rows],
-        events=event[rows],
+        kinds=kinds[rows].astype(np.uint8),
+        events=events[rows],
         pauses=pauses[rows],
+        outputs=outputs[rows],
         inverse=_held(feed_mode, feed_mode > 0, _PER_MINUTE)[rows] == _INVERSE_TIME,
         feeds=feeds,
         mode_changes=feed_mode > 0,
         incremental=_held(distance, distance > 0, _ABSOLUTE) == _INCREMENTAL,
         sets=sets,
+        planes=_held(plane, plane > 0, _XY)[rows] - np.uint8(_XY),
+        offsets=offsets,
         axes=axes,
-        letters=letter_of,
+        letters=letters,
     )
 
 
-def _preparatory(words: _Words, controller: Controller) -> dict[int, Bytes]:
-    """Meaning (lines,) of each line's G word of each group, 0 without."""
+def _letter(address: str, controller: Controller) -> int:
+    """Byte that stands for an address."""
+    extended = _extended(controller)
+    return _EXTENDED + extended.index(address) if address in extended else ord(address)
+
+
+def _extended(controller: Controller) -> list[str]:
+    return [axis.address for axis in controller.axes if len(axis.address) > 1]
+
+
+def _arguments(controller: Controller) -> list[str]:
+    """Letters of further words: feed, dwell time, arc centres, and what stands behind G and M words."""
+    codes = controller.codes
+    spoken = [*controller.events.values(), *controller.events_at_rest.values(), *codes.no_effect]
+    spoken += [axis.word for axis in controller.axes]
+    with_argument = (re.fullmatch(r"[GM][\d.]+ ([A-Z])[\d.]+", word) for word in spoken)
+    letters = {codes.dwell_address, controller.feed.address, *(found[1] for found in with_argument if found)}
+    if controller.arcs.planes:
+        letters |= set(controller.arcs.offsets)
+    return sorted(letters)
+
+
+def _check_letters(
+    words: _Words,
+    controller: Controller,
+    arguments: Mapping[str, Floats],
+    used: Mapping[str, Mask],
+    axes: Collection[int],
+) -> None:
+    """Note words that the control does not know, or that have no meaning where they stand."""
+    for letter, belongs in used.items():
+        for line in np.flatnonzero(~np.isnan(arguments[letter]) & ~belongs).tolist():
+            words.fault_in(line, ord(letter), f"a {letter} word has no meaning in this block; remove it")
+    ignored = {word for word in controller.codes.no_effect if len(word) == 1}
+    known = np.zeros(256, dtype=bool)
+    known[[ord(letter) for letter in {"N", "G", "M"} | set(arguments) | ignored] + list(axes)] = True
+    for word in np.flatnonzero(~known[words.letters]).tolist():
+        shown = _shown(int(words.letters[word]), _extended(controller))
+        words.fault(word, f"{shown} is no word of controller {controller.name}")
+
+
+def _check_end(words: _Words, controller: Controller, ends: Mask) -> None:
+    """Note that the program does not end, or goes on after its end."""
+    last = int(np.argmax(ends)) if ends.any() else words.line_count
+    if last == words.line_count:
+        sentence = f"the program does not end with {' or '.join(controller.blocks.end)}; it may be cut off"
+        words.source.fault(max(words.line_count - 2, 0), -1, sentence)
+    for line in (np.flatnonzero(np.diff(words.firsts)[last + 1 :]) + last + 1)[:1].tolist():
+        words.source.fault(line, 0, f"stands after the end of the program in line {last + 1}")
+
+
+def _preparatory(
+    words: _Words, controller: Controller, arguments: Mapping[str, Floats], used: Mapping[str, Mask]
+) -> dict[int, Bytes]:
+    """Meaning (lines,) of each line's G word of each group, 0 without; their arguments are marked as used."""
     codes = controller.codes
     meanings = {
         codes.rapid: _RAPID,
@@ -533,8 +621,10 @@ def _preparatory(words: _Words, controller: Controller) -> dict[int, Bytes]:
         codes.per_minute: _PER_MINUTE,
         codes.inverse_time: _INVERSE_TIME,
     }
-    meanings |= dict.fromkeys(codes.planes.values(), _PLANE)
-    meanings |= {word: _NO_EFFECT for word in codes.no_effect if re.fullmatch(r"G[\d.]+", word)}
+    if controller.arcs.planes:
+        meanings |= {codes.clockwise: _CLOCKWISE, codes.counterclockwise: _COUNTERCLOCKWISE}
+    meanings |= {word: _PLANES[plane] for plane, word in codes.planes.items()}
+    meanings |= {word: _NO_EFFECT for word in codes.no_effect if re.fullmatch(r"G[\d.]+( [A-Z][\d.]+)?", word)}
     # G words go to tenths (G92.1); what is none of them stays 0.
     tenths = np.zeros(10001, dtype=np.uint8)
     for word, meaning in meanings.items():
@@ -546,11 +636,16 @@ def _preparatory(words: _Words, controller: Controller) -> dict[int, Bytes]:
     here = np.where(exact, tenths[np.where(exact, whole, 0).astype(np.int64)], 0)
     for word in found[here == 0].tolist():
         words.fault(word, f"G{words.values[word]:g} is no word of controller {controller.name}")
+    for word in codes.no_effect:
+        if argued := re.fullmatch(r"(G[\d.]+) ([A-Z])([\d.]+)", word):
+            lines = words.lines[found[words.values[found] == code(argued[1])[1]]]
+            used[argued[2]][lines[arguments[argued[2]][lines] == float(argued[3])]] = True
     groups = {}
     for group, what in (
         (_ACTION, "motion, dwell or position word"),
         (_DISTANCE, "distance mode"),
         (_FEED_MODE, "feed mode"),
+        (_PLANE, "plane"),
     ):
         members = np.flatnonzero(_GROUPS[here] == group)
         words.once(found[members], what)
@@ -561,28 +656,41 @@ def _preparatory(words: _Words, controller: Controller) -> dict[int, Bytes]:
 
 
 def _switching(
-    words: _Words, controller: Controller, arguments: Mapping[str, Floats]
-) -> tuple[NDArray[np.uint8], Mask, dict[str, Mask]]:
-    """Event (lines,) of each line, where the program ends, and where each argument's letter belongs to an event."""
+    words: _Words, controller: Controller, arguments: Mapping[str, Floats], used: Mapping[str, Mask]
+) -> tuple[NDArray[np.uint8], Mask, Mask]:
+    """Event (lines,) of each line, where the program ends, and where the word stands that takes axes.
+
+    The arguments of those words are marked as used.
+    """
     found = np.flatnonzero(words.letters == ord("M"))
     words.once(found, "M word")
     lines, numbers = words.lines[found], words.values[found]
-    known = np.isin(numbers, [code(word)[1] for word in controller.blocks.end])
-    ends = np.zeros(words.line_count, dtype=bool)
-    ends[lines[known]] = True
-    events = np.zeros(words.line_count, dtype=np.uint8)
-    used = {letter: np.zeros(words.line_count, dtype=bool) for letter in arguments}
-    for event, text in controller.event_words().items():
+
+    def standing(text: str) -> Mask:
+        """Which of the M words say this."""
         _, number, argument = code(text)
-        here = numbers == number
+        here: Mask = numbers == number
         if argument:
             here &= arguments[argument[0]][lines] == float(argument[1:])
             used[argument[0]][lines[here]] = True
-        events[lines[here]] = event
+        return here
+
+    known = np.isin(numbers, [code(word)[1] for word in controller.blocks.end])
+    ends, takes = np.zeros(words.line_count, dtype=bool), np.zeros(words.line_count, dtype=bool)
+    ends[lines[known]] = True
+    events = np.zeros(words.line_count, dtype=np.uint8)
+    for resting in (False, True):
+        for event, text in controller.event_words(resting).items():
+            here = standing(text)
+            events[lines[here]] = event
+            known |= here
+    for text in {axis.word for axis in controller.axes} - {""}:
+        here = standing(text)
+        takes[lines[here]] = True
         known |= here
     for word in found[~known].tolist():
         words.fault(word, f"M{words.values[word]:g} is no word of controller {controller.name}")
-    return events, ends, used
+    return events, ends, takes
 
 
 def _held(values: NDArray[np.uint8], given: Mask, initial: int) -> NDArray[np.uint8]:
@@ -605,12 +713,22 @@ class _Path:
     positions: Floats
     steps: Floats
 
+    def step(self, block: int) -> float:
+        """Change within a block."""
+        place = int(np.searchsorted(self.blocks, block))
+        return float(self.steps[place]) if place < len(self.blocks) and self.blocks[place] == block else 0.0
 
-def _path(blocks: _Blocks, address: str) -> _Path:
+    def before(self, block: int) -> float:
+        """Position at a block's begin."""
+        return float(self.positions[int(np.searchsorted(self.blocks, block)) - 1])
+
+
+def _path(blocks: _Blocks, axis: AxisWord) -> _Path:
     """Motion of an axis: absolute and incremental words, and words that set its position."""
-    words = blocks.words
+    words, address = blocks.words, axis.address
     lines, values = words.lines[blocks.axes[address]], words.values[blocks.axes[address]]
-    incremental, sets = blocks.incremental[lines], blocks.sets[lines]
+    # An M word that takes the number knows no increments.
+    incremental, sets = blocks.incremental[lines] & (not axis.word), blocks.sets[lines]
     if np.any(incremental | sets):
         positions = _absolute(blocks, address, lines, values)
         lines, values, incremental, positions = lines[~sets], values[~sets], incremental[~sets], positions[~sets]
@@ -619,7 +737,7 @@ def _path(blocks: _Blocks, address: str) -> _Path:
     steps = np.diff(positions, prepend=np.nan)
     steps[incremental] = values[incremental]
     places = blocks.of_line[lines]
-    straight = np.flatnonzero(blocks.kinds == Kind.LINEAR)[:1]
+    straight = np.flatnonzero(np.isin(blocks.kinds, FEEDING))[:1]
     if len(straight) and (not len(places) or straight[0] <= places[0]):
         sentence = f"a feed motion before a rapid has stated axis {address.rstrip('=')}; state every axis first"
         words.source.fault(int(blocks.rows[straight[0]]), 0, sentence)
@@ -660,7 +778,7 @@ def _feeds(blocks: _Blocks, moved: Mask) -> Floats:
     feeds = np.where((last >= 0) & (last >= changed), blocks.feeds[last], np.nan)[rows]
     # One over the minutes of one block says nothing of the next.
     feeds = np.where(blocks.inverse, blocks.feeds[rows], feeds)
-    missing = (blocks.kinds == Kind.LINEAR) & moved & np.isnan(feeds)
+    missing = np.isin(blocks.kinds, FEEDING) & moved & np.isnan(feeds)
     # Where a feed per minute is missing, only the first of the blocks that miss it is named.
     modal = missing & ~blocks.inverse
     for row in np.flatnonzero(missing & ~(modal & np.concatenate([[False], modal[:-1]]))).tolist():
@@ -668,11 +786,84 @@ def _feeds(blocks: _Blocks, moved: Mask) -> Floats:
     return feeds
 
 
-def _lengths(paths: Mapping[str, _Path], moved: Mask, controller: Controller) -> Floats:
+@dataclass(frozen=True, eq=False)
+class _Circles:
+    """Geometry of the circular blocks.
+
+    Attributes:
+        any: whether there are any.
+        centres: (n, 3) metres along x, y, z, NaN where there is none.
+        blocks: (m,) blocks that are circular.
+        chords: addresses (first, second) of the plane's axes of each.
+        lengths: (m,) of the arcs in millimetres.
+    """
+
+    any: bool
+    centres: Floats
+    blocks: Ints
+    chords: Sequence[tuple[str, str]]
+    lengths: Floats
+
+
+def _circles(blocks: _Blocks, paths: Mapping[str, _Path], controller: Controller) -> _Circles:
+    """Centres and arc lengths of circular blocks; notes those that are none."""
+    circular = np.flatnonzero(np.isin(blocks.kinds, (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
+    if not len(circular):
+        return _Circles(False, np.empty((0, 3)), circular, (), np.empty(0))
+    of_joint = {joint: axis.address for axis in controller.axes for joint in axis.joints if axis.address in paths}
+    centres = np.full((len(blocks.rows), 3), np.nan)
+    lengths = np.zeros(len(circular))
+    chords: list[tuple[str, str]] = []
+    for number, block in enumerate(circular.tolist()):
+        pair = _PAIRS[int(blocks.planes[block])]
+        line = int(blocks.rows[block])
+        offsets = [float(offset[block]) for offset in blocks.offsets]
+        chords.append((of_joint.get(pair[0], ""), of_joint.get(pair[1], "")))
+        letters = [controller.arcs.offsets["xyz".index(joint)] for joint in pair]
+        (third,) = {"x", "y", "z"} - set(pair)
+        if "" in chords[-1]:
+            blocks.words.source.fault(line, 0, f"a circular block, but the machine has no {' and '.join(pair)}")
+        elif not np.isnan(offsets["xyz".index(third)]):
+            letter = controller.arcs.offsets["xyz".index(third)]
+            blocks.words.fault_in(line, ord(letter), f"{letter} lies outside the plane of this circular block")
+        elif all(np.isnan(offsets["xyz".index(joint)]) for joint in pair):
+            blocks.words.source.fault(line, 0, f"a circular block without its centre; give {' or '.join(letters)}")
+        else:
+            steps = np.array([paths[address].step(block) for address in chords[-1]])
+            centre = np.nan_to_num([offsets["xyz".index(joint)] for joint in pair])
+            radii = np.hypot(*centre), np.hypot(*(steps - centre))
+            if not abs(radii[1] - radii[0]) <= RADIUS_TOLERANCE_MM or not np.any(np.abs(steps) > 0.0):
+                sentence = (
+                    f"begin and end of a circular block lie {radii[0]:.3f} and {radii[1]:.3f} mm from its centre; "
+                    "expected equal distances and an end apart from the begin"
+                )
+                blocks.words.source.fault(line, 0, sentence)
+            cross = -centre[0] * (steps - centre)[1] + centre[1] * (steps - centre)[0]
+            sweep = float(np.arctan2(cross, -centre @ (steps - centre)))
+            turn = 2.0 * np.pi if blocks.kinds[block] == Kind.COUNTERCLOCKWISE else -2.0 * np.pi
+            lengths[number] = abs(sweep if sweep * turn > 0.0 else sweep + turn) * (radii[0] + radii[1]) / 2.0
+            for joint, address, offset in zip(pair, chords[-1], centre, strict=True):
+                centres[block, "xyz".index(joint)] = _metres(paths[address].before(block) + offset)
+    return _Circles(True, centres, circular, chords, lengths)
+
+
+def _where_moved(count: int, paths: Iterable[_Path]) -> Mask:
+    """Blocks (n,) in which one of the axes moves."""
+    moved = np.zeros(count, dtype=bool)
+    for path in paths:
+        moved[path.blocks[np.abs(path.steps) > 0.0]] = True
+    return moved
+
+
+def _lengths(paths: Mapping[str, _Path], moved: Mask, circles: _Circles, controller: Controller) -> Floats:
     """Length (n,) of each block that its feed is along, in written units, by the control's rule."""
-    lengths = _norms([paths[address] for address in controller.feed.path[0] if address in paths], len(moved))
-    for group in controller.feed.path[1:]:
+    lengths = np.zeros(len(moved))
+    for group in controller.feed.path:
         norms = _norms([paths[address] for address in group if address in paths], len(moved))
+        for block, chord, arc in zip(circles.blocks.tolist(), circles.chords, circles.lengths.tolist(), strict=True):
+            if set(chord) <= set(group):
+                steps = [paths[address].step(block) for address in group if address in paths and address not in chord]
+                norms[block] = np.hypot(arc, np.linalg.norm(steps))
         lengths = np.where(lengths > 0.0, lengths, norms)
     rest = moved & ~(lengths > 0.0)
     if controller.feed.otherwise == "norm":

@@ -79,8 +79,8 @@ def test_a_table_of_ones_own_is_named_by_its_path(tmp_path: Path) -> None:
 def test_unknown_names_and_paths_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ControllerRefused, match="^jb3028: is not a built-in controller; did you mean jb3208?"):
         load("jb3028")
-    with pytest.raises(ControllerRefused, match="^fanuc: is not a built-in controller; .*jb3208"):
-        load("fanuc")
+    with pytest.raises(ControllerRefused, match="^zzz: is not a built-in controller; there are .*jb3208"):
+        load("zzz")
     with pytest.raises(ControllerRefused, match="no.toml: cannot be read: no such file or directory$"):
         load(str(tmp_path / "no.toml"))
     with pytest.raises(ControllerRefused, match="cannot be read: is a directory$"):

@@ -34,14 +34,9 @@ def parsed(text: str | bytes, controller: Controller | None = None, axes: tuple[
 def blocks(text: str, **kwargs: Any) -> Trajectory:
     """Blocks of a program that has stated all axes at zero before; that block is left out here."""
     whole = parsed(STATE + text + "\nM30\n", **kwargs).trajectory
-    return Trajectory(
-        whole.axes,
-        whole.positions[0],
-        *(
-            getattr(whole, name)[1:]
-            for name in ("positions", "kinds", "durations", "events", "courses", "stated", "lines")
-        ),
-    )
+    rows = ("positions", "kinds", "durations", "events", "courses", "stated", "lines", "centres", "planes")
+    left = {name: None if getattr(whole, name) is None else getattr(whole, name)[1:] for name in rows}
+    return Trajectory(axes=whole.axes, start=whole.positions[0], **left)
 
 
 def refusals(text: str | bytes, **kwargs: Any) -> list[str]:
@@ -225,7 +220,7 @@ def test_extended_addresses_arguments_and_words_without_effect() -> None:
 
 REFUSED = [
     ("X1", ["2:1: axis words before any G00 or G01; state one of them"]),
-    ("G00 X1 K5", ["2:8: K is no word of controller jb3208"]),
+    ("G00 X1 L5", ["2:8: L is no word of controller jb3208"]),
     ("G00 X1 G05\nM77", ["2:8: G5 is no word of controller jb3208", "3:1: M77 is no word of controller jb3208"]),
     ("X1 G1.5", ["2:1: axis words before any G00 or G01; state one of them",
                  "2:4: G1.5 is no word of controller mine"]),
@@ -289,7 +284,7 @@ def test_refused_as_a_whole() -> None:
 
 
 def test_many_faults_are_counted() -> None:
-    lines = refusals("G00 K1\n" * 1001 + "M30")
+    lines = refusals("G00 L1\n" * 1001 + "M30")
     assert len(lines) == 21
     assert lines[-1].startswith("p.nc: and 981 more faults")
 
@@ -299,9 +294,120 @@ def test_a_joint_without_address_is_refused() -> None:
         parsed("M30", axes=("x", "theta"))
 
 
-def scaled(path: Trajectory) -> np.ndarray:
-    scale = np.array([180 / np.pi if axis in REVOLUTE else 1e3 for axis in path.axes])
-    return path.positions * scale
+def test_arcs_turn_about_their_centre_in_their_plane_and_sense() -> None:
+    path = blocks("G01 X10 F60\nG17 G03 X0 Y10 I-10 J0 U7 F600\nG18 G2 Z-10 X10 K0 I10\nG19 G03 Y20 Z0 J0 K10 F60")
+    assert path.kinds.tolist() == [Kind.LINEAR, Kind.COUNTERCLOCKWISE, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE]
+    assert path.planes is not None and path.planes.tolist() == [0, 0, 1, 2]
+    assert path.centres is not None
+    centres = [[0, 0, np.nan], [0.01, np.nan, 0], [np.nan, 0.01, 0]]
+    np.testing.assert_array_equal(path.centres[1:].round(12) + 0.0, centres)
+    quarter = 10 * np.pi / 2
+    assert path.durations[1:] == pytest.approx([quarter / 10, quarter / 10, quarter], rel=1e-12)
+    middle = path.within(np.array([1, 2, 3]), np.full(3, 0.5))[:, :3]
+    half = 0.01 * np.sqrt(0.5)
+    expected = [[half, half, 0], [0.01 - half, 0.01, -half], [0.01, 0.01 + half, -half]]
+    assert middle == pytest.approx(np.array(expected), abs=1e-12)
+    assert written(path, "u")[1] == 7
+
+
+def test_arcs_count_the_third_axis_and_increments() -> None:
+    path = blocks("G91 G02 X10 Y10 I10 J0 Z3 F60\nG93 X10 Y-10 I0 J-10 F2")
+    assert path.durations == pytest.approx([np.hypot(10 * np.pi / 2, 3), 30], rel=1e-12)
+    assert written(path, "x") == [10, 20]
+
+
+@pytest.mark.parametrize(
+    ("block", "expected"),
+    [
+        ("G02 X10 F60", "2:1: a circular block without its centre; give I or J"),
+        ("G02 X10 I5 K5 F60", "2:12: K lies outside the plane of this circular block"),
+        ("G02 X10 I5.01 F60", "2:1: begin and end of a circular block lie 5.010 and 4.990 mm from its centre; expected "
+                              "equal distances and an end apart from the begin"),
+        ("G02 X0 I5 F60", "2:1: begin and end of a circular block lie 5.000 and 5.000 mm from its centre; expected "
+                          "equal distances and an end apart from the begin"),
+        ("G02 X10 I5", "2:1: a feed motion without a feed word; give it one"),
+        ("G01 X10 I5 F60", "2:9: a I word has no meaning in this block; remove it"),
+        ("G17 G18 G02 X10 I5", "2:5: a second plane in one block; write it in a block of its own"),
+    ],
+)  # fmt: skip
+def test_what_is_no_arc_is_refused(block: str, expected: str) -> None:
+    assert refusals(STATE + block + "\nM30") == [f"p.nc:{expected}"]
+
+
+def test_arcs_need_a_control_and_a_machine_that_have_them() -> None:
+    none = table(('planes = ["xy", "zx", "yz"]', "planes = []"))
+    lines = refusals(STATE + "G02 X10 I5 F60\nM30", controller=none)
+    assert lines[0] == "p.nc:2:1: G2 is no word of controller mine"
+    two = refusals("G00 X0 Z0\nG02 X10 I5 F60\nM30", axes=("x", "z"))
+    assert "a circular block, but the machine has no x and y" in two[0]
+
+
+LINUXCNC_STATE = "G0 X0 Y0 Z0 A0 B0 C0 U0 V0 W0\nM68 E0 Q0\nG93\n"
+
+
+def test_an_axis_on_an_output_moves_in_the_dwell_that_follows_it() -> None:
+    text = (
+        LINUXCNC_STATE + "G1 X1 F60\nM68 E0 Q12.5\nG4 P0.5\nM62 P3\nG4 P2\nM68 E0 Q12.5\nG4 P3\nM68 E0 Q-4\nX2 F60\nM2"
+    )
+    path = parsed(text, load("linuxcnc")).trajectory
+    R, L, D, S = Kind.RAPID, Kind.LINEAR, Kind.DWELL, Kind.SWITCH
+    assert path.kinds.tolist() == [R, R, L, L, S, D, D, L, L]
+    assert path.durations.tolist() == [0, 0, 1, 0.5, 0, 2, 3, 0, 1]
+    assert written(path, "e")[1:] == [0, 0, 12.5, 12.5, 12.5, 12.5, -4, -4]
+    assert path.events[4] == Event.KNIFE_2_DOWN
+    e = 1 << path.axes.index("e")
+    assert [bool(bits & e) for bits in path.stated.tolist()] == [
+        False,
+        True,
+        False,
+        True,
+        False,
+        False,
+        True,
+        True,
+        False,
+    ]
+    assert path.lines.tolist() == [1, 2, 4, 5, 7, 8, 10, 11, 12]
+
+
+def test_rapids_need_no_output_stated() -> None:
+    path = parsed("G0 X5\nM2", load("linuxcnc")).trajectory
+    assert written(path, "x") == [5] and np.isnan(path.positions[0, path.column("e")])
+
+
+def test_axes_that_a_word_takes_ride_with_a_motion_or_alone() -> None:
+    state = "G0 X0 Y0 Z0 A0 C0 U0 V0 Q0 D0 E0 M29\nG93\n"
+    path = parsed(state + "G1 X1 D3 M29 F60\nM29 E5 Q1\nG4 P0.5\nM20\nM2", load("linuxcnc_remap")).trajectory
+    assert path.kinds.tolist() == [Kind.RAPID, Kind.LINEAR, Kind.LINEAR, Kind.SWITCH]
+    assert path.durations.tolist() == [0, 1, 0.5, 0]
+    assert (written(path, "d"), written(path, "e")) == ([0, 3, 3, 3], [0, 0, 5, 5])
+
+
+@pytest.mark.parametrize(
+    ("controller", "block", "expected"),
+    [
+        ("linuxcnc", "G1 X1 Q5 F60", "4:7: expected M68 E0 in a block with Q"),
+        ("linuxcnc", "M68 E0", "4:1: expected the axis words that this word takes, and no others that it does not"),
+        (
+            "linuxcnc",
+            "M68 E0 Q5 X1",
+            "4:1: expected the axis words that this word takes, and no others that it does not",
+        ),
+        ("linuxcnc", "M68 E1 Q5", "4:1: M68 is no word of controller linuxcnc"),
+        ("linuxcnc", "M62 P9", "4:1: M62 is no word of controller linuxcnc"),
+        ("linuxcnc", "G64 P1", "4:5: a P word has no meaning in this block; remove it"),
+        ("linuxcnc", "G1 X1", "4:1: a feed motion without a feed word; give it one"),
+    ],
+)
+def test_words_that_take_axes_are_checked(controller: str, block: str, expected: str) -> None:
+    assert f"p.nc:{expected}" in refusals(LINUXCNC_STATE + block + "\nM2", controller=load(controller))
+
+
+def test_an_output_must_be_stated_before_a_feed_motion() -> None:
+    text = "G93 G0 X0 Y0 Z0 A0 B0 C0 U0 V0 W0\nG1 X1 F9\nM2"
+    assert refusals(text, controller=load("linuxcnc")) == [
+        "p.nc:2:1: a feed motion before a rapid has stated axis Q; state every axis first"
+    ]
 
 
 micrometres = st.integers(-(10**6), 10**6)

@@ -23,6 +23,7 @@ Letter = Annotated[str, Field(pattern=r"^[A-Z]$")]
 GCode = Annotated[str, Field(pattern=r"^G\d{1,3}(\.\d)?$")]
 MCode = Annotated[str, Field(pattern=r"^M\d{1,3}$")]
 EventWords = Annotated[str, Field(pattern=r"^M\d{1,3}( [A-Z]\d{1,3})?$")]
+NoEffect = Annotated[str, Field(pattern=r"^([A-Z]|G\d{1,3}(\.\d)?( [A-Z]\d+(\.\d+)?)?|.*[^A-Za-z0-9 .+-].*)$")]
 EventName = Literal[
     "shoe_down",
     "shoe_up",
@@ -56,12 +57,17 @@ class AxisWord(_Table):
         joints: joints that may stand behind it; a machine has at most one of them.
         unit: what the number means, mm or deg.
         decimals: digits after the point.
+        word: the M word that takes the address, where the control does not interpolate it: it is written in the same
+            block, and a block that moves nothing else is this word, the address, and a dwell for the block's time.
+        alone: whether that word stands in a block of its own even where other axes are stated.
     """
 
     address: Address
     joints: Annotated[tuple[Joint, ...], Field(min_length=1, strict=False)]
     unit: Literal["mm", "deg"]
     decimals: Annotated[int, Field(ge=0, le=6)] = 3
+    word: Annotated[str, Field(pattern=r"^(M\d{1,3}( [A-Z]\d{1,3})?)?$")] = ""
+    alone: bool = False
 
 
 class Blocks(_Table):
@@ -107,7 +113,8 @@ class Codes(_Table):
         inverse_time: the feed word is one over the block's minutes.
         set_position: the axis words of the block become the present position.
         planes: the plane of circular blocks.
-        no_effect: G words, letters of further words, and whole blocks, that are read and change nothing that counts.
+        no_effect: what is read and changes nothing that counts: G words, with an argument (`G64 P0.01`) or without,
+            letters of further words, and whole blocks that hold a sign which no word has.
     """
 
     rapid: GCode
@@ -123,7 +130,7 @@ class Codes(_Table):
     inverse_time: GCode
     set_position: GCode
     planes: dict[Plane, GCode]
-    no_effect: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    no_effect: Annotated[tuple[NoEffect, ...], Field(strict=False)] = ()
 
     def words(self) -> dict[str, str]:
         """Every G word with what it is for."""
@@ -183,6 +190,7 @@ class Controller(_Table):
         codes: G words.
         feed: feed rule.
         events: words of the switching events that the control knows.
+        events_at_rest: words of those that need other ones where no motion follows at once.
         arcs: circular blocks.
     """
 
@@ -196,6 +204,7 @@ class Controller(_Table):
     codes: Codes
     feed: Feed
     events: dict[EventName, EventWords]
+    events_at_rest: dict[EventName, EventWords] = {}
     arcs: Arcs
 
     @model_validator(mode="after")
@@ -206,14 +215,18 @@ class Controller(_Table):
         return self
 
     def _faults(self) -> Iterator[str]:
-        taken = {letter: "is reserved by the control" for letter in self.reserved}
-        taken |= {letter: "is the centre of arcs" for letter in self.arcs.offsets if self.arcs.planes}
-        taken |= {self.codes.dwell_address: "is the time of a dwell", self.feed.address: "is the feed"}
+        reserved = {letter: "is reserved by the control" for letter in self.reserved}
+        reserved |= {letter: "is the centre of arcs" for letter in self.arcs.offsets if self.arcs.planes}
+        taken = {self.codes.dwell_address: "is the time of a dwell", self.feed.address: "is the feed"}
         taken |= {"G": "begins a preparatory word", "M": "begins a switching word", "N": "numbers a block"}
         joints: set[str] = set()
         for axis in self.axes:
-            if axis.address in taken:
-                yield f"axes: address {axis.address} {taken[axis.address]}; give {axis.joints[0]} another"
+            # An M word that takes the address says what its letter means.
+            clash = taken.get(axis.address) or ("" if axis.word else reserved.get(axis.address, ""))
+            if clash:
+                yield f"axes: address {axis.address} {clash}; give {axis.joints[0]} another"
+            if axis.alone and not axis.word:
+                yield f"axes: address {axis.address} stands alone without a word; give the word that takes it"
             taken[axis.address] = "has an axis already"
             for joint in axis.joints:
                 if joint in joints:
@@ -223,12 +236,29 @@ class Controller(_Table):
         for address in sorted({address for group in self.feed.path for address in group} - addresses):
             yield f"feed.path: {address} is not the address of an axis"
         yield from self._repeated("codes", self.codes.words().items(), {})
-        yield from self._repeated("events", self.events.items(), {code(word): "end" for word in self.blocks.end})
-        for name in ("preamble", "restated"):
-            for block in getattr(self.blocks, name):
-                yield from self._unknown_words(f"blocks.{name}", block)
+        words = sorted({axis.word for axis in self.axes} - {""})
+        if len({(axis.word, axis.alone) for axis in self.axes if axis.word}) > 1:
+            yield f"axes: {' and '.join(words)} take axes; all such axes need one word and one value of alone"
+        for taking in words:
+            if any(text.split()[0] == taking.split()[0] for _, text in self._all_events()):
+                yield f"axes: {taking} is the word of an event; give the axis another"
+        ends = {code(word): "end" for word in self.blocks.end}
+        yield from self._repeated("events", self.events.items(), ends)
+        for event, word in self.events_at_rest.items():
+            if event not in self.events:
+                yield f"events_at_rest: {event} is not in events; add it there"
+            if any(other != event and code(text) == code(word) for other, text in self._all_events()):
+                yield f"events_at_rest: {word} of {event} is the word of another event too; give it one of its own"
+        for block in self.blocks.preamble:
+            yield from self._unknown_words("blocks.preamble", block)
+        for block in self.blocks.restated:
+            yield from self._unknown_words("blocks.restated", block)
         if self.blocks.number_step > self.blocks.number_maximum:
             yield "blocks: number_step is beyond number_maximum; lower it"
+
+    def _all_events(self) -> Iterator[tuple[str, str]]:
+        yield from self.events.items()
+        yield from self.events_at_rest.items()
 
     @staticmethod
     def _repeated(
@@ -280,9 +310,10 @@ class Controller(_Table):
         ((axis, _),) = self.addressed((joint,))
         return (1e-3 if axis.unit == "mm" else math.pi / 180.0) * 10.0**-axis.decimals
 
-    def event_words(self) -> dict[Event, str]:
-        """Words of each event that the control knows."""
-        return {Event[name.upper()]: words for name, words in self.events.items()}
+    def event_words(self, at_rest: bool = False) -> dict[Event, str]:
+        """Words of each event that the control knows, with a motion after it or at rest."""
+        words = {**self.events, **self.events_at_rest} if at_rest else self.events
+        return {Event[name.upper()]: word for name, word in words.items()}
 
 
 def code(words: str) -> tuple[str, float, str]:
@@ -369,7 +400,11 @@ def _worded(text: str, found: ErrorDetails) -> list[Fault]:
 def _known(place: tuple[int | str, ...]) -> list[str]:
     """Keys that may stand where an unknown one was found."""
     if place[-1] == "[key]":
-        return [event.name.lower() for event in Event if event] if place[0] == "events" else ["xy", "zx", "yz"]
+        return (
+            [event.name.lower() for event in Event if event]
+            if str(place[0]).startswith("events")
+            else ["xy", "zx", "yz"]
+        )
     model: Any = Controller
     for part in place[:-1]:
         if isinstance(part, str):
