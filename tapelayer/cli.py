@@ -247,10 +247,10 @@ def _conclude(evidence: Evidence, text: bytes, name: str, setup: Setup, console:
     console.print(report.summary(numbers))
     if setup.process.kinematics == "published":
         sys.stderr.write(
-            f"published kinematics: the roller leaves the surface by up to {numbers['max_roller_tilt_deg']:.2f} deg (edge "
-            f"lift {numbers['max_edge_lift_mm']:.2f} mm), its heading is up to {numbers['max_heading_error_deg']:.2f} deg "
-            f"and its centre up to {numbers['max_roller_offset_mm']:.2f} mm off; judged only where [verification] sets "
-            "these limits itself, see --kinematics roller\n"
+            "published kinematics: the roller leaves the surface by up to "
+            f"{numbers['max_roller_tilt_deg']:.2f} deg (edge lift {numbers['max_edge_lift_mm']:.2f} mm), heading up to "
+            f"{numbers['max_heading_error_deg']:.2f} deg off, its centre up to {numbers['max_roller_offset_mm']:.2f} mm; "
+            "judged only where [verification] itself sets these limits\n"
         )
     if evidence.passed:
         console.print(f"{name}: {evidence.blocks} blocks, verified", highlight=False, soft_wrap=True)
