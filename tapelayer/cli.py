@@ -249,7 +249,7 @@ def _conclude(evidence: Evidence, text: bytes, name: str, setup: Setup, console:
         sys.stderr.write(
             "published kinematics: the roller leaves the surface by up to "
             f"{numbers['max_roller_tilt_deg']:.2f} deg (edge lift {numbers['max_edge_lift_mm']:.2f} mm), heading up to "
-            f"{numbers['max_heading_error_deg']:.2f} deg off, its centre up to {numbers['max_roller_offset_mm']:.2f} mm; "
+            f"{numbers['max_heading_error_deg']:.2f} deg off, centre up to {numbers['max_roller_offset_mm']:.2f} mm; "
             "judged only where [verification] itself sets these limits\n"
         )
     if evidence.passed:

@@ -77,7 +77,8 @@ class Job:
         Raises:
             TapelayerError: the job cannot be done on this machine, or what was planned failed verification.
         """
-        return self.inspector.verify(plan(self.courses, self.setup, self.machine, tick), tick=tick)
+        alone = frozenset(joint for axis in self.controller.axes if axis.alone for joint in axis.joints)
+        return self.inspector.verify(plan(self.courses, self.setup, self.machine, alone, tick), tick=tick)
 
     def text(self, planned: Verified) -> bytes:
         """NC text of a verified trajectory."""

@@ -57,13 +57,20 @@ def head_of(setup: Setup, machine: Machine) -> Head:
     )
 
 
-def plan(courses: Sequence[Course], setup: Setup, machine: Machine, tick: Tick = silent) -> Trajectory:
+def plan(
+    courses: Sequence[Course],
+    setup: Setup,
+    machine: Machine,
+    alone: frozenset[str] = frozenset(),
+    tick: Tick = silent,
+) -> Trajectory:
     """Trajectory of a ply: every course approached, laid and left, its cuts made where they pass the knives.
 
     Args:
         courses: in the part's frame, laid in this order.
         setup: the job's values.
         machine: the gantry, with the setup's limits already in it.
+        alone: blade axes (d, e) that the control turns only in blocks of their own.
         tick: called for every course that is done.
 
     Raises:
@@ -84,6 +91,7 @@ def plan(courses: Sequence[Course], setup: Setup, machine: Machine, tick: Tick =
         np.array([way.laid.arc_lengths[-1] for way in ways]),
         np.array([course.cut_angles for course in courses]),
         radius * np.array([way.laid.wrap[[0, -1]] for way in ways]),
+        frozenset(number for number, blade in ((1, "d"), (2, "e")) if blade in alone),
     )
     program = _Program(setup, machine, tape, max(float(np.max(way.path.points[:, 2])) for way in ways))
     for course, way in enumerate(ways):

@@ -278,7 +278,14 @@ class TapePlan(_Rows):
         return np.array([self.steps.rests(first, last) for first, last in self.laying], dtype=np.int64)
 
 
-def plan_tape(head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: Floats, wraps: Floats) -> TapePlan:
+def plan_tape(
+    head: Head,
+    numbers: Sequence[int],
+    lengths: Floats,
+    cut_angles: Floats,
+    wraps: Floats,
+    turning_at_rest: frozenset[int] = frozenset(),
+) -> TapePlan:
     """Put the courses of a ply on the tape and share their cuts out to the two knives.
 
     A trailing cut and the next leading cut at one angle are one cut where a knife is free for what follows. Otherwise
@@ -294,6 +301,7 @@ def plan_tape(head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: F
         cut_angles: (n, 2) radians at the start and end, from travel towards the left.
         wraps: (n, 2) metres by which the tape path from knife to nip is shorter than on a level surface (R beta, as
             the nip has moved round the roller) at each course's start and end.
+        turning_at_rest: knives whose blade turns only while everything else stands still.
 
     Raises:
         TapeWiderThanTravel: a slide cannot reach the start and end of its sweeps.
@@ -311,7 +319,7 @@ def plan_tape(head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: F
     cots = _cots(head, numbers, lengths, cut_angles)
     placed = _placed(head, numbers, lengths, cut_angles, cots, wraps)
     cuts, moves = _work(head, placed)
-    steps = _steps(head, cuts, moves)
+    steps = _steps(head, cuts, moves, turning_at_rest)
     begins = placed.stations + head.knife_to_nip - wraps[:, 0]
     ends = placed.stations + lengths + head.knife_to_nip - wraps[:, 1]
     passes = _passes(steps, begins, ends, placed.rolls, placed.roll_u)
@@ -697,8 +705,8 @@ class _Node(NamedTuple):
     blade: float
 
 
-def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int) -> list[_Node]:
-    """A knife's way through the ply, in order."""
+def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int, turns_at_rest: bool) -> list[_Node]:
+    """A knife's way through the ply, in order; a blade that turns at rest does so at the end of its slide's move."""
     own = np.flatnonzero(cuts.knives == knife + 1)
     move_to = dict(zip(moves.cuts.tolist(), range(len(moves)), strict=True))
     side, blade = (LEFT, RIGHT)[knife] * head.reach, float(cuts.blades[own[0]]) if len(own) else 0.0
@@ -710,16 +718,20 @@ def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int) -> list[_Node]:
             moved_from = float(moves.slides[move, 0]), float(moves.blades[move, 0])
             nodes.append(_Node(float(moves.u[move, 0]), Step.FEED, *moved_from))
             waits = moves.u[move, 0] == moves.u[move, 1]
-            nodes.append(_Node(begin, Step.MOVE if waits else Step.FEED, start, blade))
+            way = Step.MOVE if waits else Step.FEED
+            if turns_at_rest and blade != moved_from[1]:
+                nodes.append(_Node(begin, way, start, moved_from[1]))
+                way = Step.MOVE
+            nodes.append(_Node(begin, way, start, blade))
         nodes.append(_Node(begin, Step.DOWN, start, blade))
         nodes.append(_Node(end, Step.CUT if cuts.square[cut] else Step.FEED, stop, blade))
         nodes.append(_Node(end, Step.UP, stop, blade))
     return nodes
 
 
-def _steps(head: Head, cuts: Cuts, moves: Moves) -> Steps:
+def _steps(head: Head, cuts: Cuts, moves: Moves, turning_at_rest: frozenset[int]) -> Steps:
     """Both knives' ways as one, in order of u."""
-    ways = [_nodes(head, cuts, moves, knife) for knife in (0, 1)]
+    ways = [_nodes(head, cuts, moves, knife, knife + 1 in turning_at_rest) for knife in (0, 1)]
     nodes = [node for way in ways for node in way]
     exact = np.array([node.u for node in nodes])
     order = np.argsort(exact, kind="stable")
