@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from tapelayer.laying import plan
 from tapelayer.machine import Machine
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.trajectory import Event, Kind, Trajectory
+from tapelayer.verification import Inspector
 from tests.surfaces import SQUARE, circle_course, flat_course, helix, helix_course, setup_of
 
 MACHINE = Machine.load()
@@ -276,3 +278,20 @@ def test_laid_thickness_lifts_the_roller_and_lengthens_the_feed() -> None:
     fed = np.ptp(trajectory.positions[laying_rows(trajectory), COLUMN["u"]])
     assert fed == pytest.approx(0.6 * (1.5 + 5 * MM) / 1.5, abs=1e-8)
     assert math.isclose(trajectory.duration, trajectory.times[-1])
+
+
+def test_a_blade_that_turns_alone_turns_while_everything_else_rests() -> None:
+    courses = [
+        replace(helix_course(k, start=(0.3 + 0.1 * k, 0.0)), cut_angles=(math.radians(a), math.radians(b)))
+        for k, (a, b) in enumerate([(90, 60), (40, 130), (75, 90), (110, 35), (50, 50)], 1)
+    ]
+    free, alone = (plan(courses, setup_of(), MACHINE, frozenset(axes)) for axes in ("", "e"))
+    blade = COLUMN["e"]
+    others = [column for column in range(len(MACHINE.names)) if column != blade]
+    for trajectory, expected in ((free, False), (alone, True)):
+        feeding = np.flatnonzero(trajectory.kinds == Kind.LINEAR)
+        steps = trajectory.positions[feeding] - trajectory.begins(feeding)
+        turning = steps[:, blade] != 0.0
+        assert np.any(turning)
+        assert (not np.any(steps[turning][:, others])) == expected
+    assert Inspector(courses, setup_of(), MACHINE).examine(alone).passed
