@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from tapelayer import gantry
-from tapelayer.arrays import Floats, Ints
+from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.course import Course
 from tapelayer.cutting import Laid, judge_cuts
 from tapelayer.errors import VerificationFailed
 from tapelayer.evidence import AxisUse, Evidence, Failure, Samples, TapeLedger
 from tapelayer.laying import place
-from tapelayer.machine import Machine
+from tapelayer.machine import CHUNK, Machine
 from tapelayer.progress import Tick, silent
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.toolpath import Toolpath
@@ -120,17 +120,8 @@ class Inspector:
         if any(failure.what == "unstated_axes" for failure in failures):
             # Nothing can be measured on a program that does not say where it is.
             layings = []
-        measured: list[Samples] = []
-        laid: list[Laid] = []
-        for index, (curve, laying) in enumerate(zip(self.curves, layings, strict=False)):
-            samples, station, found = self._course(trajectory, index, curve, laying, digits)
-            measured.append(samples)
-            angles = self.courses[index].cut_angles
-            laid.append(
-                Laid(curve.path.number, len(curve.knots), angles, curve.length, station, laying.begin, laying.end)
-            )
-            failures += found
-            tick()
+        samples, blocks, laid = self._measured(trajectory, layings[: len(self.curves)], tick)
+        failures += self._judged(trajectory, samples, blocks, digits)
         tape, cutting = judge_cuts(trajectory, laid, self.setup, self.machine) if laid else (_NO_TAPE, [])
         axes, beyond = self._axes(trajectory, digits)
         clearance, links = self._links(trajectory, layings)
@@ -148,7 +139,7 @@ class Inspector:
             least_link_clearance=clearance,
             forward_disagreement=disagreement,
             axes=axes,
-            samples=Samples.joined(measured),
+            samples=samples,
             tape_width=self.setup.tape.width_mm * MM,
             roller_radius=self.roller_radius,
             tape=tape,
@@ -160,56 +151,78 @@ class Inspector:
             return []
         return [Failure(0, 0, "courses_laid", len(layings), len(self.curves))]
 
-    def _course(
-        self, trajectory: Trajectory, index: int, curve: _Curve, laying: _Laying, digits: Floats
-    ) -> tuple[Samples, float, list[Failure]]:
-        """Samples of one course, the station of its start on the tape (metres), and its failures."""
-        joints, times, ends, blocks = laying.sampled(trajectory)
-        pose = self.machine.columns(joints, "roller")
+    def _measured(
+        self, trajectory: Trajectory, layings: Sequence[_Laying], tick: Tick
+    ) -> tuple[Samples, Ints, list[Laid]]:
+        """Samples along the courses laid, the block (n,) of each, and how the courses lie on the tape."""
+        parts, blocks, laid = [], [np.zeros(0, np.int64)], []
+        for batch in self._batches(layings):
+            places = _Places.along(trajectory, layings, batch)
+            fed = places.joints[:, trajectory.column("u")]
+            samples = self._samples(places, fed)
+            parts.append(samples)
+            blocks.append(places.blocks)
+            stations = fed + self.wrap_radius * samples.wraps - self.setup.head.knife_to_nip_mm * MM
+            for index in batch.tolist():
+                laid.append(self._laid(index, layings[index], float(stations[places.rows(index).start])))
+                tick()
+        return Samples.joined(parts), np.concatenate(blocks), laid
+
+    def _batches(self, layings: Sequence[_Laying]) -> list[Ints]:
+        """Indices of the courses that are measured together: what they pass through stays in the cache."""
+        sizes = [
+            LEAST_SAMPLES * (laying.last - laying.first) + curve.length / SAMPLE_STEP
+            for laying, curve in zip(layings, self.curves, strict=False)
+        ]
+        borders = np.flatnonzero(np.diff(np.cumsum(sizes) // CHUNK)) + 1
+        return np.split(np.arange(len(sizes)), borders) if sizes else []
+
+    def _laid(self, index: int, laying: _Laying, station: float) -> Laid:
+        curve, angles = self.curves[index], self.courses[index].cut_angles
+        return Laid(curve.path.number, len(curve.knots), angles, curve.length, station, laying.begin, laying.end)
+
+    def _samples(self, places: _Places, fed: Floats) -> Samples:
+        """Samples of some courses, at the places (n,) with the tape fed (n,) there, metres."""
+        pose = self.machine.columns(places.joints, "roller")
         centre = np.stack(np.broadcast_arrays(*pose.translation), axis=1)
         heading, left, normal = (
             np.stack(np.broadcast_arrays(*(row[i] for row in pose.rotation)), axis=1) for i in range(3)
         )
         axis = -left
-        fed = joints[:, trajectory.column("u")]
-        arc_lengths, wraps = curve.under_nip(fed - fed[0], normal, heading, self.wrap_radius)
-        points, normals, tangents = curve.at(arc_lengths)
+        arc_lengths, wraps = np.empty_like(fed), np.empty_like(fed)
+        points, normals, tangents = np.empty_like(centre), np.empty_like(centre), np.empty_like(centre)
+        for index in range(int(places.courses[0]), int(places.courses[-1]) + 1):
+            curve, rows = self.curves[index], places.rows(index)
+            arc_lengths[rows], wraps[rows] = curve.under_nip(
+                fed[rows] - fed[rows.start], normal[rows], heading[rows], self.wrap_radius
+            )
+            points[rows], normals[rows], tangents[rows] = curve.at(arc_lengths[rows])
 
         square = _unit(np.cross(tangents, normals))
         ahead = np.cross(normals, square)
         exact = points + self.roller_radius * normals
         offset = centre - exact
         error = centre - self.roller_radius * normal - points if self.published else offset
-        tape = _dot(error, tangents)
-        across = _dot(axis, square)
-        tilt = np.arcsin(np.clip(_dot(axis, normals), -1.0, 1.0))
-        samples = Samples(
-            courses=np.full(len(joints), index),
+        return Samples(
+            courses=places.courses,
             arc_lengths=arc_lengths,
-            times=times,
+            times=places.times,
             nips=points,
             normal_errors=_dot(error, normals),
             lateral_errors=_dot(error, square),
-            tape_errors=tape,
-            tilts=tilt,
-            heading_errors=np.arctan2(_dot(axis, ahead), across),
+            tape_errors=_dot(error, tangents),
+            tilts=np.arcsin(np.clip(_dot(axis, normals), -1.0, 1.0)),
+            heading_errors=np.arctan2(_dot(axis, ahead), _dot(axis, square)),
             pitches=np.arctan2(_dot(normals, heading), _dot(normals, normal)),
             wraps=wraps,
             offsets=np.sqrt(_dot(offset, offset)),
-            block_ends=np.isin(np.arange(len(joints)), ends),
+            block_ends=places.ends,
         )
-        station = float(fed[0] + self.wrap_radius * wraps[0]) - self.setup.head.knife_to_nip_mm * MM
-        return samples, station, self._judge(trajectory, curve, samples, ends, blocks, digits)
 
-    def _judge(
-        self,
-        trajectory: Trajectory,
-        curve: _Curve,
-        samples: Samples,
-        ends: Ints,
-        blocks: Ints,
-        digits: Floats,
-    ) -> list[Failure]:
+    def _judged(self, trajectory: Trajectory, samples: Samples, blocks: Ints, digits: Floats) -> list[Failure]:
+        """What the samples, with the block (n,) of each, fail in, course by course."""
+        if not len(blocks):
+            return []
         limits = self.setup.verification
         chosen = limits.model_fields_set
         judged = [
@@ -220,35 +233,34 @@ class Inspector:
             judged.append(("roller_tilt_deg", np.abs(samples.tilts) / DEG, limits.max_roller_tilt_deg))
         if not self.published or "max_heading_error_deg" in chosen:
             judged.append(("heading_error_deg", np.abs(samples.heading_errors) / DEG, limits.max_heading_error_deg))
-        steps = np.diff(samples.arc_lengths[ends])
-        spans = np.diff(samples.times[ends])
-        digit = 2 * float(np.max(digits[[trajectory.column(name) for name in "xyz"]]))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            speeds = np.where(steps > 0, (steps - digit) / spans, 0.0) / MM
-        at_ends = np.append(0.0, speeds)
-        judged_ends = [("lay_speed_mm_per_s", at_ends, self.setup.process.lay_speed_mm_per_s * (1 + NIP_SPEED_MARGIN))]
-        failures = []
+        speeds = self._lay_speeds(samples, 2 * float(np.max(digits[self._slides])))
+        lay_speed = self.setup.process.lay_speed_mm_per_s * (1 + NIP_SPEED_MARGIN)
+        judged.append(("lay_speed_mm_per_s", speeds / MM, lay_speed))
+        found = []
         for what, values, limit in judged:
-            failures += self._worst(trajectory, curve, samples.arc_lengths, blocks, what, values, limit)
-        for what, values, limit in judged_ends:
-            failures += self._worst(trajectory, curve, samples.arc_lengths[ends], blocks[ends], what, values, limit)
-        reach = float(samples.arc_lengths[-1])
-        if not abs(reach - curve.length) / MM <= limits.max_tape_error_mm:
-            line = int(trajectory.lines[blocks[-1]])
-            failures.append(
-                Failure(curve.path.number, curve.point(reach), "laid_length_mm", reach / MM, curve.length / MM, line)
-            )
+            for row in _worst(samples.courses, values, limit).tolist():
+                found.append((row, what, float(values[row]), limit))
+        for row in np.append(np.flatnonzero(np.diff(samples.courses)), len(blocks) - 1).tolist():
+            reach, length = float(samples.arc_lengths[row]), self.curves[samples.courses[row]].length
+            if not abs(reach - length) / MM <= limits.max_tape_error_mm:
+                found.append((row, "laid_length_mm", reach / MM, length / MM))
+        failures = []
+        for row, what, value, limit in sorted(found, key=lambda failure: int(samples.courses[failure[0]])):
+            curve = self.curves[samples.courses[row]]
+            point = curve.point(float(samples.arc_lengths[row]))
+            failures.append(Failure(curve.path.number, point, what, value, limit, int(trajectory.lines[blocks[row]])))
         return failures
 
-    def _worst(
-        self, trajectory: Trajectory, curve: _Curve, arcs: Floats, blocks: Ints, what: str, values: Floats, limit: float
-    ) -> list[Failure]:
-        """The worst place of a course where a limit is not kept, if there is one; NaN keeps no limit."""
-        if np.all(values <= limit):
-            return []
-        worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
-        line = int(trajectory.lines[blocks[worst]])
-        return [Failure(curve.path.number, curve.point(float(arcs[worst])), what, float(values[worst]), limit, line)]
+    @staticmethod
+    def _lay_speeds(samples: Samples, digit: float) -> Floats:
+        """Speed (n,) of the nip over each block, at its end, m/s, the way shortened by `digit` metres; 0 elsewhere."""
+        ends = np.flatnonzero(samples.block_ends)
+        ways, spans = np.diff(samples.arc_lengths[ends]), np.diff(samples.times[ends])
+        going = (np.diff(samples.courses[ends]) == 0) & (ways > 0.0)
+        speeds = np.zeros(len(samples.times))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            speeds[ends[1:]] = np.where(going, (ways - digit) / spans, 0.0)
+        return speeds
 
     def _axes(self, trajectory: Trajectory, digits: Floats) -> tuple[tuple[AxisUse, ...], list[Failure]]:
         """Travel and speed of every axis."""
@@ -293,36 +305,40 @@ class Inspector:
         head, process = self.setup.head, self.setup.process
         near = ((head.aux_roller_lag_mm if head.run_out == "tangent" else 0.0) + process.approach_mm + 1.0) * MM
         sideways = [trajectory.column(name) for name in ("x", "y", "c", "a")]
-        least, worst = np.inf, -1
+        sideways = [trajectory.column(name) for name in ("x", "y", "c", "a")]
+        rows = np.arange(len(trajectory))
+        moving = np.isin(trajectory.kinds, MOTIONS)
+        # Straight up and down is over the course's own end; NaN, before everything is stated, goes nowhere.
+        moving &= np.any(np.abs(trajectory.positions - trajectory.begins(rows))[:, sideways] > 0.0, axis=1)
+        moving &= ~np.any(np.isnan(trajectory.begins(rows) + trajectory.positions), axis=1)
+        for laying in layings:
+            moving[laying.first : laying.last] = False
+        rows = np.flatnonzero(moving)
+        if not len(rows):
+            return np.inf, []
+        # The courses behind and ahead of each row, where there are such.
         steps = np.linspace(0.0, 1.0, 9)
-        for before, after in zip([None, *layings], [*layings, None], strict=True):
-            rows = np.arange(before.last if before else 0, after.first if after else len(trajectory))
-            rows = rows[np.isin(trajectory.kinds[rows], MOTIONS)]
-            # Straight up and down is over the course's own end; NaN, before everything is stated, goes nowhere.
-            rows = rows[np.any(np.abs(trajectory.positions[rows] - trajectory.begins(rows))[:, sideways] > 0.0, axis=1)]
-            rows = rows[~np.any(np.isnan(trajectory.begins(rows) + trajectory.positions[rows]), axis=1)]
-            if not len(rows):
-                continue
-            joints = trajectory.within(np.repeat(rows, len(steps)), np.tile(steps, len(rows)))
-            pose = self.machine.columns(joints, "roller")
-            x, y, z = (np.broadcast_to(entry, len(joints)) for entry in pose.translation)
-            ends = [
-                trajectory.positions[[row]]
-                for row in ([before.last - 1] if before else []) + ([after.first - 1] if after else [])
-            ]
-            away = np.full(len(joints), np.inf)
-            for end in ends:
-                centre = self.machine.forward(end, "roller")[0, :3, 3]
-                away = np.minimum(away, np.sqrt((x - centre[0]) ** 2 + (y - centre[1]) ** 2 + (z - centre[2]) ** 2))
-            lowest = (
-                z - self.roller_radius - self.setup.tape.width_mm / 2 * MM * np.abs(pose.rotation[2][1]) - self.highest
-            )
-            lowest = np.where(away > near, lowest, np.inf)
-            if np.min(lowest) < least:
-                least, worst = float(np.min(lowest)), int(rows[np.argmin(lowest) // len(steps)])
+        firsts, lasts = np.array([(laying.first, laying.last) for laying in layings]).reshape(-1, 2).T
+        before = np.repeat(np.searchsorted(lasts, rows, side="right") - 1, len(steps))
+        after = np.repeat(np.searchsorted(firsts, rows, side="right"), len(steps))
+        pose = self.machine.columns(trajectory.within(np.repeat(rows, len(steps)), np.tile(steps, len(rows))), "roller")
+        centres = np.stack(np.broadcast_arrays(*pose.translation), axis=1)
+        away = np.full(len(centres), np.inf)
+        for ends, index in ((lasts - 1, before), (firsts - 1, after)):
+            there = (index >= 0) & (index < len(layings))
+            if np.any(there):
+                ends_at = self.machine.forward(trajectory.positions[ends], "roller")[:, :3, 3]
+                distances = np.linalg.norm(centres[there] - ends_at[index[there]], axis=1)
+                away[there] = np.minimum(away[there], distances)
+        half_width = self.setup.tape.width_mm / 2 * MM
+        lowest = centres[:, 2] - self.roller_radius - half_width * np.abs(pose.rotation[2][1]) - self.highest
+        lowest = np.where(away > near, lowest, np.inf)
+        worst = int(np.argmin(lowest))
+        least = float(lowest[worst])
         if least >= 0.0:
             return least, []
-        return least, [self._at_block(trajectory, worst, "link_clearance_mm", least / MM, 0.0)]
+        row = int(rows[worst // len(steps)])
+        return least, [self._at_block(trajectory, row, "link_clearance_mm", least / MM, 0.0)]
 
     def _feeding(self, trajectory: Trajectory, layings: Sequence[_Laying]) -> tuple[float, list[Failure]]:
         """Longest run of the tape backwards, and where it runs back or is fed as it may not.
@@ -406,28 +422,56 @@ class _Laying:
     first: int
     last: int
 
-    def sampled(self, trajectory: Trajectory) -> tuple[Floats, Floats, Ints, Ints]:
-        """Joint values (m, k) and times (m,) along the laying, which of them end a block, and the blocks (m,)."""
-        rows = np.arange(self.first, self.last)
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where some courses are looked at while they are laid, rows in laying order.
+
+    Attributes:
+        courses: (n,) index of the course, rising.
+        blocks: (n,) index of the block.
+        times: (n,) seconds from the program's start.
+        joints: (n, k) joint values, metres and radians.
+        ends: (n,) True at block ends and at each course's begin.
+    """
+
+    courses: Ints
+    blocks: Ints
+    times: Floats
+    joints: Floats
+    ends: Mask
+
+    @classmethod
+    def along(cls, trajectory: Trajectory, layings: Sequence[_Laying], indices: Ints) -> _Places:
+        """Places along the layings of the courses with these (m,) rising indices."""
+        chosen = [layings[index] for index in indices]
+        rows = np.concatenate([np.arange(laying.first, laying.last) for laying in chosen])
+        lengths = [laying.last - laying.first for laying in chosen]
+        courses = np.repeat(indices, lengths)
+        start = np.repeat([laying.begin for laying in chosen], lengths)
+        stop = np.repeat([laying.end for laying in chosen], lengths)
         ends = trajectory.times[rows]
         begins = ends - trajectory.durations[rows]
         # A block shorter than the clock can tell is not on the way; a move in it fails for its speed.
-        timed = (ends > begins) & (ends > self.begin) & (begins < self.end)
-        rows, begins, ends = rows[timed], begins[timed], ends[timed]
-        from_, to = np.maximum(begins, self.begin), np.minimum(ends, self.end)
-        distance = np.abs(
-            trajectory.positions[rows, trajectory.column("u")] - trajectory.begins(rows)[:, trajectory.column("u")]
-        )
-        counts = np.maximum(LEAST_SAMPLES, np.ceil(distance / SAMPLE_STEP).astype(np.int64))
-        blocks = np.repeat(rows, counts)
-        step = np.arange(len(blocks)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
-        span = np.repeat(to - from_, counts)
-        times = np.repeat(from_, counts) + span * step / np.repeat(counts, counts)
-        times[np.cumsum(counts) - 1] = to
-        fractions = np.clip((times - np.repeat(begins, counts)) / np.repeat(ends - begins, counts), 0.0, 1.0)
-        start = trajectory.within(rows[:1], (from_[:1] - begins[:1]) / (ends[:1] - begins[:1]))
-        joints = np.vstack([start, trajectory.within(blocks, fractions)])
-        return joints, np.append(from_[0], times), np.append(0, np.cumsum(counts)), np.append(rows[0], blocks)
+        timed = (ends > begins) & (ends > start) & (begins < stop)
+        rows, courses, begins, ends = rows[timed], courses[timed], begins[timed], ends[timed]
+        from_, to = np.maximum(begins, start[timed]), np.minimum(ends, stop[timed])
+        u = trajectory.column("u")
+        distance = np.abs(trajectory.positions[rows, u] - trajectory.begins(rows)[:, u])
+        steps = np.maximum(LEAST_SAMPLES, np.ceil(distance / SAMPLE_STEP).astype(np.int64))
+        # Every block is looked at from behind its begin to its end, a course's first block at its begin, too.
+        first = np.diff(courses, prepend=-1) > 0
+        counts = steps + first
+        block = np.repeat(np.arange(len(rows)), counts)
+        step = np.arange(len(block)) - (np.cumsum(counts) - steps)[block] + 1
+        times = np.where(step == steps[block], to[block], from_[block] + (to - from_)[block] * step / steps[block])
+        shares = np.clip((times - begins[block]) / (ends - begins)[block], 0.0, 1.0)
+        joints = trajectory.within(rows[block], shares)
+        return cls(courses[block], rows[block], times, joints, (step == 0) | (step == steps[block]))
+
+    def rows(self, course: int) -> slice:
+        """Rows of the course with an index."""
+        return slice(*np.searchsorted(self.courses, [course, course + 1]).tolist())
 
 
 def _layings(trajectory: Trajectory, setup: Setup) -> list[_Laying]:
@@ -445,6 +489,17 @@ def _layings(trajectory: Trajectory, setup: Setup) -> list[_Laying]:
         if end > begin:
             layings.append(_Laying(float(begin), float(end), int(first), int(last) + 1))
     return layings
+
+
+def _worst(courses: Ints, values: Floats, limit: float) -> Ints:
+    """Row of the worst place of each course, by the courses' rising indices (n,), where the values (n,) leave a limit.
+
+    NaN leaves every limit, and is worst.
+    """
+    off = np.flatnonzero(~(values <= limit))
+    worst = np.where(np.isnan(values[off]), np.inf, values[off])
+    order = np.lexsort([-worst, courses[off]])
+    return off[order][np.diff(courses[off][order], prepend=-1) > 0]
 
 
 def _unstated(trajectory: Trajectory) -> list[Failure]:
@@ -486,13 +541,13 @@ class _Curve:
         self.knots = path.arc_lengths - path.arc_lengths[0]
         self.length = float(self.knots[-1])
         degree = min(3, len(self.knots) - 1)
-        self._points = make_interp_spline(self.knots, path.points, degree)
-        self._normals = make_interp_spline(self.knots, path.normals, degree)
-        self._slopes = self._points.derivative()
+        self._spline = make_interp_spline(self.knots, np.hstack([path.points, path.normals]), degree)
+        self._slopes = BSpline(self._spline.t, self._spline.c[:, :3], degree).derivative()
 
     def at(self, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
         """Points, unit normals and unit tangents, (n, 3) each, at (n,) arc lengths in metres."""
-        return self._points(arc_lengths), _unit(self._normals(arc_lengths)), _unit(self._slopes(arc_lengths))
+        values = self._spline(arc_lengths)
+        return values[:, :3], _unit(values[:, 3:]), _unit(self._slopes(arc_lengths))
 
     def under_nip(self, fed: Floats, normals: Floats, headings: Floats, radius: float) -> tuple[Floats, Floats]:
         """Arc length (n,) at the nip by the tape fed since the course's start, and the nip's angle (n,) on the roller.
