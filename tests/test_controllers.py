@@ -143,6 +143,42 @@ def test_all_collisions_come_at_once() -> None:
     assert "folder/mine.toml:0" not in message and "folder/mine.toml:" in message
 
 
+def test_words_that_take_axes_and_words_at_rest_are_linted() -> None:
+    text = changed(
+        ('joints = ["q"], unit = "mm"', 'joints = ["q"], unit = "mm", word = "M29"'),
+        ('joints = ["d"], unit = "deg"', 'joints = ["d"], unit = "deg", word = "M22"'),
+        ('joints = ["e"], unit = "deg"', 'joints = ["e"], unit = "deg", alone = true'),
+    )
+    text += '[events_at_rest]\nshoe_down = "M23"\nair_on = "M99"\n'
+    message = refused(text)
+    for sentence in (
+        "axes: M22 and M29 take axes; all such axes need one word and one value of alone",
+        "axes: M22 is the word of an event; give the axis another",
+        "axes: address E stands alone without a word; give the word that takes it",
+        "events_at_rest: M23 of shoe_down is the word of another event too; give it one of its own",
+        "events_at_rest: air_on is not in events; add it there",
+    ):
+        assert f": {sentence}\n" in message + "\n"
+    assert len(message.splitlines()) == 5
+
+
+def test_an_m_word_that_takes_an_address_frees_its_letter() -> None:
+    taken = ('address = "E", joints = ["e"], unit = "deg"', 'address = "R", joints = ["e"], unit = "deg", word = "M29"')
+    assert parse(changed(taken).encode(), "mine.toml").axes[-1].word == "M29"
+
+
+@pytest.mark.parametrize("entry", ["G64", "G64 P0.01", "S", "FGROUP(X,Y)"])
+def test_words_without_effect(entry: str) -> None:
+    text = changed(("planes = { xy", f'no_effect = ["{entry}"]\nplanes = {{ xy'))
+    assert parse(text.encode(), "mine.toml").codes.no_effect == (entry,)
+
+
+@pytest.mark.parametrize("entry", ["M8", "G64 P", "GOTO 5"])
+def test_what_looks_like_a_word_cannot_be_without_effect(entry: str) -> None:
+    text = changed(("planes = { xy", f'no_effect = ["{entry}"]\nplanes = {{ xy'))
+    assert "codes.no_effect[0]: string should match pattern" in refused(text)
+
+
 def test_a_number_step_beyond_the_largest_number_is_refused() -> None:
     assert "number_step is beyond number_maximum" in refused(
         changed(("number_maximum = 9999990", "number_maximum = 5"))

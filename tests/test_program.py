@@ -96,10 +96,6 @@ def two_courses() -> list[tuple[Any, ...]]:
     return blocks
 
 
-def test_golden_program() -> None:
-    assert write(verified(two_courses()), load("jb3208"), MADE_FROM) == (GOLDEN / "two_courses.nc").read_bytes()
-
-
 def test_identical_input_gives_identical_bytes() -> None:
     first = write(verified(two_courses()), load("jb3208"), MADE_FROM)
     assert first == write(verified(two_courses()), load("jb3208"), MADE_FROM)
@@ -283,3 +279,104 @@ def test_an_axis_without_address_is_refused() -> None:
 def test_an_empty_trajectory_is_refused() -> None:
     with pytest.raises(NotWritable, match="the trajectory has no blocks"):
         body([])
+
+
+NINE = {**ALL, "x": 100.0, "z": 10.0, "e": 5.0}
+LINUXCNC_LINK = [(Kind.RAPID, 0, 0.0, {"z": 10}, "z"), (Kind.RAPID, 0, 0.0, NINE, TEN_AXES)]
+
+
+def linuxcnc_body(blocks: list[tuple[Any, ...]], name: str = "linuxcnc") -> list[str]:
+    lines = body([*LINUXCNC_LINK, *blocks], load(name)).splitlines()
+    return [line.split(" ", 1)[1] for line in lines if line[0] == "N"][3:]
+
+
+def test_an_axis_on_an_output_is_written_alone_with_a_dwell_for_its_time() -> None:
+    blocks = [
+        (Kind.LINEAR, 0, 0.5, {"x": 101}),
+        (Kind.LINEAR, 0, 0.25, {"e": -5}),
+        (Kind.LINEAR, 0, 0.5, {"x": 102}),
+        (Kind.RAPID, 1, 0.25, {"e": 7}, TEN_AXES),
+    ]
+    assert linuxcnc_body(blocks) == [
+        "G0 Z10.000",
+        "M68 E0 Q5.000",
+        "X100.000 Y0.000 Z10.000 A0.000 B0.000 C0.000 U0.000 V0.000 W0.000",
+        "G1 X101.000 F120.000",
+        "M68 E0 Q-5.000",
+        "G4 P0.250000",
+        "X102.000 F120.000",
+        "G90 G93",
+        "M68 E0 Q7.000",
+        "G4 P0.250000",
+        "G0 X102.000 Y0.000 Z10.000 A0.000 B0.000 C0.000 U0.000 V0.000 W0.000",
+    ]
+
+
+def test_an_axis_on_an_output_cannot_move_with_others() -> None:
+    blocks = [*LINUXCNC_LINK, (Kind.LINEAR, 0, 0.5, {"x": 101, "e": 6})]
+    with pytest.raises(NotWritable, match="^block 2: axis e moves together with others, but controller linuxcnc moves"):
+        write(verified(blocks), load("linuxcnc"), MADE_FROM)
+
+
+def test_axes_that_a_word_takes_ride_with_it() -> None:
+    blocks = [
+        (Kind.LINEAR, 0, 0.5, {"x": 101, "d": 3}),
+        (Kind.LINEAR, 0, 0.5, {"q": 4, "e": -5}),
+        (Kind.LINEAR, 0, 0.5, {"x": 102}),
+    ]
+    assert linuxcnc_body(blocks, "linuxcnc_remap") == [
+        "G0 Z10.000",
+        "X100.000 Y0.000 Z10.000 A0.000 C0.000 U0.000 V0.000 Q0.000 D0.000 E5.000 M29",
+        "G1 X101.000 D3.000 F120.000 M29",
+        "M29 Q4.000 E-5.000",
+        "G4 P0.500",
+        "X102.000 F120.000",
+    ]
+
+
+def test_switching_words_that_no_motion_follows_switch_at_once() -> None:
+    def switch(event: Event) -> tuple[Any, ...]:
+        return (Kind.SWITCH, 0, 0.0, event)
+
+    blocks = [
+        switch(Event.SHOE_DOWN),
+        switch(Event.HEATER_ON),
+        (Kind.LINEAR, 0, 0.5, {"x": 101}),
+        switch(Event.KNIFE_2_UP),
+        (Kind.LINEAR, 0, 0.25, {"e": -5}),
+        switch(Event.HEATER_OFF),
+        switch(Event.STOP),
+        (Kind.RAPID, 0, 0.5, {"x": 102}),
+        switch(Event.KNIFE_1_DOWN),
+        (Kind.DWELL, 0, 1.5, {}),
+        switch(Event.KNIFE_1_UP),
+        (Kind.RAPID, 0, 0.5, {"x": 103}),
+        switch(Event.SHOE_UP),
+    ]
+    assert linuxcnc_body(blocks)[3:] == [
+        *("M62 P0", "M62 P4", "G1 X101.000 F120.000", "M65 P3", "M68 E0 Q-5.000", "G4 P0.250000", "M65 P4", "M0"),
+        *("G0 X102.000", "M64 P2", "G4 P1.500000", "M63 P2", "X103.000", "M65 P0"),
+    ]
+
+
+@pytest.mark.parametrize("name", ["jb3208", "linuxcnc", "linuxcnc_remap", "sinumerik840d"])
+def test_golden_program_of_every_control(name: str) -> None:
+    golden = GOLDEN / ("two_courses.nc" if name == "jb3208" else f"two_courses_{name}.nc")
+    assert write(verified(two_courses()), load(name), MADE_FROM) == golden.read_bytes()
+
+
+def test_golden_program_of_the_spray_robot() -> None:
+    axes = ("x", "y", "z", "theta", "phi")
+    blocks = [
+        (Kind.RAPID, 0, 0.0, {"z": 10}, "z"),
+        (Kind.RAPID, 0, 0.0, {"x": 1, "y": 2, "z": 10, "theta": 270, "phi": 15}, axes),
+        (Kind.SWITCH, 0, 0.0, Event.AIR_ON),
+        (Kind.DWELL, 0, 0.5, {}),
+        (Kind.SWITCH, 0, 0.0, Event.ARC_ON),
+        (Kind.LINEAR, 0, 0.5, {"x": 151, "theta": 271.5, "phi": 14}),
+        (Kind.LINEAR, 0, 0.5, {"theta": 301.5, "phi": 10}),
+        (Kind.SWITCH, 0, 0.0, Event.ARC_OFF),
+        (Kind.SWITCH, 0, 0.0, Event.AIR_OFF),
+        (Kind.RAPID, 0, 0.5, {"z": 10}),
+    ]
+    assert write(verified(blocks, axes), load("generic5"), MADE_FROM) == (GOLDEN / "spray_generic5.nc").read_bytes()
