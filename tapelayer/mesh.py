@@ -262,7 +262,6 @@ def _edge_sizes(facets: Ints, vertex_count: int) -> tuple[Ints, Ints]:
 
 def _merged(corners: Floats) -> tuple[Floats, Ints]:
     """Different corners (n, 3) in order of appearance, and facets (m, 3) of their indices."""
-    corners = corners + 0.0  # -0.0 and 0.0 are one place
     order = np.lexsort(corners.T)
     ranked = corners[order]
     new = np.ones(len(order), dtype=np.bool_)
@@ -325,7 +324,7 @@ def _without_thin(vertices: Floats, facets: Ints) -> tuple[Ints, int, int]:
         a, b, c = (facets[where, (longest + corner) % 3] for corner in range(3))
         d = np.sum(facets[neighbour], axis=1) - a - b
         one, other = np.stack([c, a, d], axis=1), np.stack([d, b, c], axis=1)
-        good = (c != d) & ~_thin(vertices, one) & ~_thin(vertices, other)
+        good = ~_thin(vertices, one) & ~_thin(vertices, other)
         if not np.any(good):
             break
         facets = facets.copy()
