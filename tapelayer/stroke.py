@@ -59,6 +59,13 @@ class Stroke:
         return sum(map(len, self.joints))
 
     @property
+    def path(self) -> Floats:
+        """Joint values (m, k) at all nodes."""
+        if len(self.joints) > 1:
+            self.joints = [np.concatenate(self.joints)]
+        return self.joints[0]
+
+    @property
     def at(self) -> Floats:
         """Joint values (k,) at the last node."""
         joints: Floats = self.joints[-1][-1]
@@ -81,7 +88,7 @@ class Stroke:
 
     def times(self, speeds: Floats) -> Floats:
         """Seconds (m,) at the nodes, no axis faster than its speed (k,) and no way shorter than its least time."""
-        steps = np.abs(np.diff(np.vstack(self.joints), axis=0))
+        steps = np.abs(np.diff(self.path, axis=0))
         ways: Floats = np.maximum(np.max(steps / speeds, axis=1, initial=0.0), np.concatenate(self.least)[1:])
         return np.append(0.0, np.cumsum(ways))
 
@@ -93,7 +100,7 @@ class Stroke:
         Args:
             times: (m,) seconds at the nodes.
         """
-        nodes = np.column_stack([np.vstack(self.joints), np.concatenate(self.arcs)])
+        nodes = np.column_stack([self.path, np.concatenate(self.arcs)])
         words = sorted(self.words, key=lambda word: word[0])
         at = np.array([times[node] - delay for node, delay, _ in words])
         # Nodes that no time lies between are one: words of both stand there.
@@ -103,22 +110,24 @@ class Stroke:
             times, nodes = np.append(np.min(at), times), np.vstack([nodes[:1], nodes])
         nearest = times[_nearest(times, at)]
         at = np.where(np.abs(nearest - at) <= SAME_TIME, nearest, at)
-        # A stable sort keeps the nominal order of words that fall together.
-        order = np.argsort(at, kind="stable")
-        ends = np.union1d(times, at)
-        after = np.clip(np.searchsorted(times, ends), 1, len(times) - 1)
-        share = (ends - times[after - 1]) / np.diff(times)[after - 1]
-        rows = nodes[after - 1] + share[:, None] * np.diff(nodes, axis=0)[after - 1]
-        rows[np.isin(ends, times)] = nodes
-        places = np.searchsorted(ends, at[order])
-        still = np.all(np.diff(rows[:, :-1], axis=0) == 0.0, axis=1)
-        events = np.array([words[i][2] for i in order], dtype=np.uint8)
-        blocks = np.insert(rows[1:], places, rows[places], axis=0)
+        if len(new := np.unique(at[at != nearest])):
+            after = np.searchsorted(times, new)
+            share = (new - times[after - 1]) / (times[after] - times[after - 1])
+            between = nodes[after - 1] + share[:, None] * (nodes[after] - nodes[after - 1])
+            times, nodes = np.insert(times, after, new), np.insert(nodes, after, between, axis=0)
+        # Every block by the node that ends it, every word behind the block that ends where it falls; stable sorts keep
+        # the nominal order of words that fall together.
+        spoken = np.argsort(at, kind="stable")
+        ends = np.concatenate([np.arange(1, len(times)), np.searchsorted(times, at[spoken])])
+        order = np.argsort(ends, kind="stable")
+        blocks = nodes[ends[order]]
+        still = np.all(nodes[1:, :-1] == nodes[:-1, :-1], axis=1)
+        switches = np.full(len(words), Kind.SWITCH)
         return Rows(
             joints=blocks[:, :-1],
-            kinds=np.insert(np.where(still, Kind.DWELL, Kind.LINEAR).astype(np.uint8), places, np.uint8(Kind.SWITCH)),
-            durations=np.insert(np.diff(ends), places, 0.0),
-            events=np.insert(np.zeros(len(ends) - 1, np.uint8), places, events),
+            kinds=np.append(np.where(still, Kind.DWELL, Kind.LINEAR), switches).astype(np.uint8)[order],
+            durations=np.append(np.diff(times), np.zeros(len(words)))[order],
+            events=np.append(np.zeros(len(still), np.uint8), [words[i][2] for i in spoken]).astype(np.uint8)[order],
             arcs=blocks[:, -1],
         )
 
