@@ -13,6 +13,7 @@ from tapelayer.plan_view import plan_view
 from tapelayer.plots import axis_plots, course_plots
 from tapelayer.quantities import FACTS, QUANTITIES, absent, axis_failures, limits_of, plain, shown, worded
 from tapelayer.setup import Setup
+from tapelayer.tape_view import tape_view
 from tapelayer.trajectory import Trajectory
 
 # Failures in the page; beyond them it gives a count.
@@ -45,6 +46,8 @@ def html(evidence: Evidence, trajectory: Trajectory, report: dict[str, Any], set
         _signatures(),
         element("h2", "Plan view"),
         *plan_view(evidence, setup),
+        element("h2", "Tape"),
+        *tape_view(evidence, report, setup),
         element("h2", "Errors along the courses"),
         *course_plots(evidence, setup),
         element("h2", "Axis positions and speeds"),
@@ -101,7 +104,9 @@ def _told(failure: dict[str, Any]) -> str:
 
 def _facts(report: dict[str, Any], setup: Setup) -> Element:
     facts = [(words, shown(report[key], unit, form)) for key, words, unit, form in FACTS]
+    shares = report["time_shares"]
     facts += [
+        ("time " + ", ".join(shares), ", ".join(shown(share, "%", "z.1f") for share in shares.values())),
         ("kinematics", setup.process.kinematics),
         ("controller", setup.output.controller.encode(errors="backslashreplace").decode()),
         ("tapelayer", report["version"]),

@@ -16,6 +16,8 @@ QUANTITIES = (
     ("max_pitch_deg", "pitch on the roller", "deg", "z.3f"),
     ("max_wrap_mm", "wrap in a course", "mm", "z.3f"),
     ("max_roller_offset_mm", "roller offset", "mm", "z.4f"),
+    ("max_cut_error_mm", "cut error", "mm", "z.4f"),
+    ("max_blade_error_deg", "blade error", "deg", "z.4f"),
     ("taken_back_mm", "tape taken back", "mm", "z.3f"),
     ("least_link_clearance_mm", "link clearance", "mm", "z.2f"),
     ("max_forward_disagreement_m", "forward disagreement", "m", ".1e"),
@@ -26,9 +28,22 @@ FACTS = (
     ("blocks", "blocks", "", ",d"),
     ("laid_length_m", "laid length", "m", "z,.3f"),
     ("duration_s", "duration", "s", "z,.1f"),
+    ("tape_used_mm", "tape used", "mm", "z,.1f"),
+    ("waste_mm", "waste", "mm", "z,.1f"),
+    ("waste_percent", "waste share", "%", "z.2f"),
+    ("cuts", "cuts", "", ",d"),
+    ("knife_conflicts", "knife conflicts", "", ",d"),
+    ("laying_stops", "stops while laying", "", ",d"),
 )
 # What has no limit of its own is not drawn beside one.
-LIMITED = ("max_position_error_mm", "max_tape_error_mm", "max_roller_tilt_deg", "max_heading_error_deg")
+LIMITED = (
+    "max_position_error_mm",
+    "max_tape_error_mm",
+    "max_roller_tilt_deg",
+    "max_heading_error_deg",
+    "max_cut_error_mm",
+    "max_blade_error_deg",
+)
 
 
 def shown(value: float | None, unit: str, form: str, absent: str = "not measured") -> str:

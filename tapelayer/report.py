@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from importlib.metadata import version
 from typing import Any
 
@@ -11,9 +12,14 @@ from rich.table import Table
 from rich.text import Text
 
 from tapelayer.arrays import Floats, Ints
-from tapelayer.evidence import AxisUse, Evidence
+from tapelayer.evidence import AxisUse, CutMade, Evidence, TapeLedger
 from tapelayer.quantities import FACTS, QUANTITIES, absent, axis_failures, plain, shown, unit_of
 from tapelayer.setup import DEG, MM
+
+# Failures in which a knife is where it must not be, or is not where it must be.
+KNIFE_FAILURE = re.compile(
+    r"knife_[12]_(switched_again|left_on|off_every_cut_mm)|rapid_with_knife_[12]_on|cuts_made|cut_width_mm|axis_[vq]_mm"
+)
 
 
 def numbers(evidence: Evidence, program_sha256: str) -> dict[str, Any]:
@@ -25,12 +31,15 @@ def numbers(evidence: Evidence, program_sha256: str) -> dict[str, Any]:
         evidence: what verification measured.
         program_sha256: SHA-256 of the program's bytes, hexadecimal.
     """
-    samples = evidence.samples
+    samples, tape = evidence.samples, evidence.tape
     positions = samples.position_errors
     tilt = _largest(samples.tilts)
     measured = {
         "laid_length_m": evidence.laid_length,
         "duration_s": evidence.duration,
+        "tape_used_mm": tape.used / MM,
+        "waste_mm": tape.waste / MM,
+        "waste_percent": _percent(tape.waste, tape.used),
         "max_position_error_mm": _largest(positions) / MM,
         "max_chord_error_mm": _largest(positions[~samples.block_ends]) / MM,
         "max_roller_tilt_deg": tilt / DEG,
@@ -40,6 +49,8 @@ def numbers(evidence: Evidence, program_sha256: str) -> dict[str, Any]:
         "max_wrap_mm": evidence.roller_radius * _largest_spread(samples.wraps, samples.courses) / MM,
         "max_roller_offset_mm": _largest(samples.offsets) / MM,
         "max_tape_error_mm": _largest(samples.tape_errors) / MM,
+        "max_cut_error_mm": _largest(np.array([cut.error for cut in tape.cuts])) / MM,
+        "max_blade_error_deg": _largest(np.array([cut.blade_error for cut in tape.cuts])) / DEG,
         "taken_back_mm": evidence.tape_taken_back / MM,
         "least_link_clearance_mm": evidence.least_link_clearance / MM,
         "max_forward_disagreement_m": evidence.forward_disagreement,
@@ -63,6 +74,9 @@ def numbers(evidence: Evidence, program_sha256: str) -> dict[str, Any]:
         if not math.isfinite(value) and not _no_link(key, value)
     ]
     lost += [what for axis in evidence.axes for what in _unmeasured(axis)]
+    shares, courses = _time_shares(tape), _tape(tape)
+    lost += ["time_shares"] if None in shares.values() else []
+    lost += ["tape"] if any(None in entry.values() for row in courses for entry in (row, *row["cuts"])) else []
     failures += [
         {"course": 0, "point": 0, "what": what, "value": None, "limit": None} for what in lost if what not in told
     ]
@@ -71,8 +85,13 @@ def numbers(evidence: Evidence, program_sha256: str) -> dict[str, Any]:
         "courses": evidence.courses,
         "points": evidence.points,
         "blocks": evidence.blocks,
+        "cuts": len(tape.cuts),
+        "knife_conflicts": sum(KNIFE_FAILURE.fullmatch(str(failure["what"])) is not None for failure in failures),
+        "laying_stops": sum(row.laying_stops for row in tape.rows),
         **{key: _number(value) for key, value in measured.items()},
+        "time_shares": shares,
         "program_sha256": program_sha256,
+        "tape": courses,
         "axes": {axis.name: _axis(axis) for axis in evidence.axes},
         "passed": not failures,
         "failures": failures,
@@ -128,6 +147,57 @@ def _number(value: float) -> float | None:
 def _no_link(key: str, value: float) -> bool:
     """Whether the head never goes from course to course, so that there is no clearance to measure."""
     return key == "least_link_clearance_mm" and value == math.inf
+
+
+def _percent(part: float, whole: float) -> float:
+    """A part in percent of the whole; NaN of nothing."""
+    return 100 * part / whole if whole else math.nan
+
+
+def _time_shares(tape: TapeLedger) -> dict[str, float | None]:
+    """Percent of the program's time by what the head does."""
+    spans = {"laying": tape.laying, "threading": tape.threading, "linking": tape.linking}
+    whole = sum(spans.values())
+    return {name: _number(_percent(span, whole)) for name, span in spans.items()}
+
+
+def _tape(tape: TapeLedger) -> list[dict[str, Any]]:
+    """The tape's ledger by course."""
+    starts = {cut.starting: cut for cut in tape.cuts}
+    ends = {cut.ending: cut for cut in tape.cuts}
+    courses = []
+    before = 0.0
+    for row in tape.rows:
+        made = [("start", starts.get(row.course)), ("end", ends.get(row.course))]
+        courses.append(
+            {
+                "course": row.course,
+                "laid_mm": _number(row.length / MM),
+                "station_mm": _number(row.station / MM),
+                "waste_mm": _number((row.station - before) / MM),
+                "waste_roll_mm": _number(row.waste_roll / MM),
+                "waste_formula_mm": _number(row.waste_formula / MM),
+                "waste_knives_mm": _number(row.waste_knives / MM),
+                "laying_stops": row.laying_stops,
+                "cuts": [_cut(end, cut) for end, cut in made if cut],
+            }
+        )
+        before = row.station + row.length
+    return courses
+
+
+def _cut(end: str, cut: CutMade) -> dict[str, Any]:
+    return {
+        "end": end,
+        "station_mm": _number(cut.station / MM),
+        "angle_deg": _number(cut.angle / DEG),
+        "knife": cut.knife,
+        "block": cut.block,
+        **({"line": cut.line} if cut.line else {}),
+        "shared": bool(cut.ending and cut.starting),
+        "error_mm": _number(cut.error / MM),
+        "blade_error_deg": _number(cut.blade_error / DEG),
+    }
 
 
 def _axis(axis: AxisUse) -> dict[str, Any]:

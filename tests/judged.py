@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tapelayer.evidence import AxisUse, Evidence, LedgerRow, Samples, TapeLedger
+from tapelayer.evidence import AxisUse, CutMade, Evidence, LedgerRow, Samples, TapeLedger
 from tapelayer.trajectory import Kind, Trajectory
 
 SHA256 = "0123456789abcdef" * 4
@@ -42,10 +42,47 @@ def axes() -> tuple[AxisUse, ...]:
     )
 
 
+def cut(station: float, degrees: float, knife: int, ending: int = 0, starting: int = 0) -> CutMade:
+    """A cut off its line by 1 micrometre a block, its blade by a thousandth of a degree, both within their limits."""
+    block = round(10 * station)
+    off = block % 50
+    return CutMade(
+        station=station,
+        angle=math.radians(degrees),
+        ending=ending,
+        starting=starting,
+        knife=knife,
+        block=block,
+        line=block + 7,
+        error=1e-6 * off,
+        blade_error=math.radians(1e-3 * off),
+    )
+
+
+def worn() -> TapeLedger:
+    """Two courses, a new roll before the second: of two metres a quarter is waste."""
+    rows = (
+        LedgerRow(3, 0.5, 0.1, 0.0, 0.0625, 0.0375, 1, (1, 6)),
+        LedgerRow(17, 1.0, 1.0, 0.25, 0.125, 0.025, 2, (10, 20)),
+    )
+    cuts = (
+        cut(0.1, 45.0, 1, starting=3),
+        cut(0.6, 90.0, 2, ending=3),
+        cut(1.0, 135.0, 2, starting=17),
+        cut(2.0, 30.0, 1, ending=17),
+    )
+    return TapeLedger(rows, cuts, 2.0, 3.0, 0.75, 0.25)
+
+
 def ledger(*numbers: int) -> TapeLedger:
-    """Tape of the courses with these numbers."""
-    rows = (LedgerRow(number, 0.75, 0.75 * i, 0.0, 0.0, 0.0, 0, ()) for i, number in enumerate(numbers))
-    return TapeLedger(tuple(rows), (), 1.5, 3.0, 0.5, 0.5)
+    """Courses of these numbers end to end, that share their cuts."""
+    ends = [0, *numbers], [*numbers, 0]
+    rows = (
+        LedgerRow(number, 0.75, 0.75 * i, 0.0, 0.0, 0.0, 0, (round(7.5 * i), round(7.5 * (i + 1))))
+        for i, number in enumerate(numbers)
+    )
+    cuts = (cut(0.75 * i, 45.0, 1 + i % 2, *pair) for i, pair in enumerate(zip(*ends, strict=True)))
+    return TapeLedger(tuple(rows), tuple(cuts), 0.75 * len(numbers), 3.0, 0.75, 0.25)
 
 
 def evidence(**changes: object) -> Evidence:
@@ -62,7 +99,7 @@ def evidence(**changes: object) -> Evidence:
         samples=samples(),
         tape_width=0.075,
         roller_radius=0.04,
-        tape=ledger(3, 17),
+        tape=worn(),
         failures=(),
     )
     return replace(found, **changes)  # type: ignore[arg-type]

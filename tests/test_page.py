@@ -25,6 +25,16 @@ def test_page_is_one_file_of_matching_tags_and_asks_no_network() -> None:
         assert not {name for name in attributes if name.startswith("on") or name in ("src", "href", "style")}
         assert "prefers-color-scheme: dark" in text and "@media print" in text
         assert elements.of("p", "verdict")[0][1].startswith("PASSED" if found.passed else "FAILED")
+        sections = [
+            "Largest errors",
+            "Axes",
+            "Plan view",
+            "Tape",
+            "Errors along the courses",
+            "Axis positions and speeds",
+        ]
+        assert [words for _, words in elements.of("h2")] == ([] if found.passed else ["Failures"]) + sections
+        assert "75.0 %, 18.8 %, 6.2 %" in text and "knife conflicts" in text
 
 
 HOSTILE = "</title><script>alert(1)</script><img src=x onerror=alert(2)> & \"'.nc"
