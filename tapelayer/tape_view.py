@@ -32,7 +32,7 @@ WASTES = {
     "waste_formula_mm": "by the angles",
     "waste_knives_mm": "for a free knife",
 }
-LEGEND = {"first": "Knife 1", "second": "Knife 2", "over": "Beyond a limit, or not cut"}
+LEGEND = {"roll": "A roll begins", "first": "Knife 1", "second": "Knife 2", "over": "Beyond a limit, or not cut"}
 
 
 def tape_view(evidence: Evidence, report: dict[str, Any], setup: Setup) -> list[Element]:
@@ -116,23 +116,24 @@ def _drawing(tape: TapeLedger, width: float, limits: Verification) -> list[Eleme
     """The tape of a width in millimetres to scale, broken into strips, below what its colours mean."""
     laid, uncut = _courses(tape)
     waste, rolls = _waste(laid, np.array([row.waste_roll for row in tape.rows]) / MM)
-    lines = _cut_lines(tape.cuts, uncut, limits)
+    lines = {"roll": rolls, **_cut_lines(tape.cuts, uncut, limits)}
     numbers = [str(row.course) for row in tape.rows]
     slants = np.abs(laid[:, 1::2]) * width / 2
-    low = min(0.0, float(np.min(laid[:, 0] - slants[:, 0])))
-    high = float(np.max(laid[:, 2] + slants[:, 1]))
+    # Room for the thickness of the lines at both ends.
+    low = min(0.0, float(np.min(laid[:, 0] - slants[:, 0]))) - width / 20
+    high = float(np.max(laid[:, 2] + slants[:, 1])) + width / 20
     full = (high - low) * HEIGHT / width / WIDTH
     count = max(1, min(round(full), STRIPS), round(full * LEAST_HEIGHT / HEIGHT))
     height = min(HEIGHT * count / full, MOST_HEIGHT)
 
     words = f"To scale, {plain(width)} mm wide; stations in mm. Courses are laid from left to right, and left of the "
-    words += "travel is up. Hatched: waste. Black: a roll begins. "
+    words += "travel is up. Hatched: waste. "
     keys = [element("span", words, class_=f"key {style}") for style, words in LEGEND.items() if len(lines[style])]
     nodes = [element("p", words, *(part for key in keys for part in (key, ". ")), class_="note")]
     for number in range(min(count, MOST_STRIPS)):
         begin, end = (low + (high - low) * place / count for place in (number, number + 1))
         strip = _Strip(begin, end, height / width, height)
-        paths = {"laid": strip.outlines(laid), "hatch": strip.hatch(waste), "roll": strip.across(rolls)}
+        paths = {"laid": strip.outlines(laid), "hatch": strip.hatch(waste)}
         paths |= {f"line cut {style}": strip.across(own) for style, own in lines.items()}
         drawn = [element("path", d=path, class_=style) for style, path in paths.items() if path]
         nodes.append(element("figure", strip.figure(drawn + strip.labels(laid, numbers))))
