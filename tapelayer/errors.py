@@ -132,6 +132,10 @@ class TapeRunsBack(TapelayerError):
     """The tape would have to run back while the shoe presses it down."""
 
 
+class PartTooHigh(TapelayerError):
+    """The head at the top of its travel is not above the part, so it cannot go from course to course."""
+
+
 class PoseUndefined(TapelayerError):
     """A course point has no roller pose: tangent parallel to normal, or the roller axis would be vertical."""
 
@@ -171,6 +175,10 @@ class CutsCross(CoursesRefused):
 
 class CourseLongerThanRoll(CoursesRefused):
     """A course needs more tape than a new roll holds."""
+
+
+class NothingToSpray(TapelayerError):
+    """Nothing of a surface can be reached by the gun."""
 
 
 class NotWritable(TapelayerError):

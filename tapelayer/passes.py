@@ -1,0 +1,433 @@
+"""Passes: a placed surface becomes the ways that the gun's point P goes, plane by plane and layer by layer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.errors import NothingToSpray
+from tapelayer.machine import Machine
+from tapelayer.mesh import Mesh
+from tapelayer.setup import DEG, MM
+from tapelayer.slicing import (
+    Sections,
+    areas_from_above,
+    plane_direction,
+    plane_heights,
+    slice,
+    strip_widths,
+    upper_envelope,
+)
+from tapelayer.smoothing import NORMAL_TOLERANCE, Smoothed, creases, kept, smooth
+from tapelayer.spray_setup import SpraySetup
+from tapelayer.toolpath import Toolpath
+from tapelayer.wrist import Wrist, reachable
+
+# No facet: a gap that is bridged, or beyond the surface's edge.
+NO_FACET = -1
+# What planning leaves of the permitted deviation to the way between two points, where nothing else is exact.
+LEAN_MARGIN = NORMAL_TOLERANCE
+# Two points nearer to each other are one, metres.
+SAME_POINT = 1e-12
+# Metres by which rounding may bring a point beyond the travel.
+ROUNDING = 1e-9
+# Strips of a pitch in which areas are measured.
+_AREA_STRIPS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """One way over the surface with the arc on, from the start of its lead-in to the end of its run-out.
+
+    Attributes:
+        path: points and smoothed normals in `machine`, over the arc length of P from 0; its number counts from 1.
+        leans: (n,) greatest lean off each smoothed normal, radians; inf where the gun may swing through.
+        facets: (m,) facet under each stretch of the path, `NO_FACET` where there is none.
+        bounds: (m + 1,) arc lengths where those stretches begin and end.
+        exempt: (k, 2) arc lengths of stretches so near to a crease that no deviation counts.
+        layer: from 1.
+        plane: of the layer, from 1.
+        curve: of the plane, from 1.
+    """
+
+    path: Toolpath
+    leans: Floats
+    facets: Ints
+    bounds: Floats
+    exempt: Floats
+    layer: int
+    plane: int
+    curve: int
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        for name in ("leans", "facets", "bounds", "exempt"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    def reversed(self) -> Pass:
+        """The same way backwards."""
+        length = self.path.arc_lengths[-1]
+        path = Toolpath(
+            self.path.number, self.path.points[::-1], self.path.normals[::-1], length - self.path.arc_lengths[::-1]
+        )
+        return replace(
+            self,
+            path=path,
+            leans=self.leans[::-1],
+            facets=self.facets[::-1],
+            bounds=length - self.bounds[::-1],
+            exempt=length - self.exempt[::-1, ::-1],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The passes of a job.
+
+    Attributes:
+        passes: in the order in which they are sprayed.
+        sprayed: area of the surface that passes go over, square metres.
+        facing: area too steep for a gun from above.
+        hidden: area below other parts of the surface.
+        travel: area beyond the machine's travel.
+    """
+
+    passes: tuple[Pass, ...]
+    sprayed: float
+    facing: float
+    hidden: float
+    travel: float
+
+
+def placement(mesh: Mesh, setup: SpraySetup, machine: Machine) -> tuple[Floats, Floats]:
+    """Rotation (3, 3) and origin (3,) in metres that bring the part's frame into `machine`: rotation p + origin."""
+    turn = setup.part.rotation_deg * DEG
+    rotation = Rotation.from_euler("z", turn).as_matrix()
+    vertices = mesh.vertices @ rotation.T
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    origin = []
+    for column, value in enumerate((setup.part.x_mm, setup.part.y_mm, setup.part.z_mm)):
+        axis = machine.axis("xyz"[column])
+        if value != "auto":
+            origin.append(float(value) * MM)
+        elif axis.name == "z":
+            origin.append(max(axis.lower, 0.0) - low[column])
+        else:
+            origin.append((axis.lower + axis.upper - low[column] - high[column]) / 2)
+    return rotation, np.array(origin)
+
+
+def placed(mesh: Mesh, rotation: Floats, origin: Floats) -> Mesh:
+    """The mesh in `machine`."""
+    return replace(mesh, vertices=mesh.vertices @ rotation.T + origin)
+
+
+def wrist_of(setup: SpraySetup, machine: Machine) -> Wrist:
+    """What the gun's direction may do."""
+    return Wrist(machine.axis("theta"), machine.axis("phi"), setup.speed, setup.max_deviation)
+
+
+def plan_passes(mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -> Plan:
+    """Passes over what of a surface is seen from above and can be reached.
+
+    Args:
+        mesh: in `machine`.
+        setup: the job's values.
+        machine: the robot, with the setup's limits already in it.
+        pitch: from pass to pass, metres.
+
+    Raises:
+        NothingToSpray: nothing of the surface can be reached.
+    """
+    planner = _Planner(mesh, setup, machine, pitch)
+    passes = planner.passes()
+    seen = areas_from_above(mesh, planner.travel(0), pitch / _AREA_STRIPS, setup.spray.min_normal_z)
+    beyond = seen.seen * planner.beyond_share
+    if not passes:
+        parts = ((seen.facing, "too steep"), (seen.hidden, "hidden"), (beyond, "beyond the travel"))
+        told = ", ".join(f"{area * 1e4:.4g} cm2 {words}" for area, words in parts)
+        raise NothingToSpray(
+            f"{mesh.name}: no pass can be sprayed on it: of the surface {told}; turn the part or place it elsewhere"
+        )
+    return Plan(tuple(passes), seen.seen - beyond, seen.facing, seen.hidden, beyond)
+
+
+@dataclass(frozen=True, eq=False)
+class _Segments:
+    """Pieces of sections inside the travel, in the order of planes and of travel.
+
+    Attributes:
+        begins: (n, 3) metres.
+        ends: (n, 3) metres.
+        facets: (n,) facet of each.
+        planes: (n,) plane of each.
+    """
+
+    begins: Floats
+    ends: Floats
+    facets: Ints
+    planes: Ints
+
+
+class _Planner:
+    """Plans layer by layer; what lies beyond the travel is measured in the first layer."""
+
+    def __init__(self, mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -> None:
+        self.mesh, self.spray, self.pitch = mesh, setup.spray, pitch
+        self.normals = mesh.upward_normals
+        self.window, self.limit = setup.smoothing, setup.max_deviation
+        axes = [machine.axis(name) for name in "xyz"]
+        self.box = np.array([[axis.lower for axis in axes], [axis.upper for axis in axes]])
+        self.wrist = wrist_of(setup, machine)
+        self.turnable = reachable(self.wrist, self.normals, np.full(len(self.normals), self.limit))
+        self.beyond_share = 0.0
+
+    def passes(self) -> list[Pass]:
+        """Passes of all layers, numbered; what smoothing leaves no lean to be reached with is given up, and again."""
+        while True:
+            turnable = self.turnable.copy()
+            found = [one for layer in range(self.spray.layers) for one in self._layer(layer)]
+            if np.array_equal(turnable, self.turnable):
+                return [replace(one, path=replace(one.path, number=number)) for number, one in enumerate(found, 1)]
+
+    def travel(self, layer: int) -> float:
+        """Direction of a layer's passes, radians from +x towards +y."""
+        return (self.spray.direction_deg + layer * self.spray.layer_turn_deg) * DEG
+
+    def _layer(self, layer: int) -> Iterator[Pass]:
+        """Passes of a layer in order."""
+        direction = plane_direction(self.travel(layer))
+        heights = self._heights(layer, direction)
+        sections = upper_envelope(self.mesh, slice(self.mesh, direction, heights), self.spray.min_normal_z)
+        segments, lost = self._inside(sections)
+        if layer == 0:
+            total = float(sections.lengths @ self._widths(sections))
+            self.beyond_share = lost / total if total else 0.0
+        gaps = np.linalg.norm(segments.begins[1:] - segments.ends[:-1], axis=1)
+        apart = (np.diff(segments.planes) != 0) | ~(gaps <= self.spray.max_gap_mm * MM)
+        starts = np.append(0, np.flatnonzero(apart) + 1) if len(segments.planes) else np.zeros(0, dtype=np.int64)
+        ends = np.append(starts[1:], len(segments.planes))
+        lengths = np.add.reduceat(np.linalg.norm(segments.ends - segments.begins, axis=1), starts)
+        # What is shorter than the path's own tolerance is a plane that grazes a corner.
+        starts, ends = (rows[lengths > self.spray.chord_tolerance_mm * MM] for rows in (starts, ends))
+        planes = segments.planes[starts]
+        for row, plane in enumerate(np.unique(planes).tolist()):
+            chosen = np.flatnonzero(planes == plane)
+            backwards = self.spray.pattern == "boustrophedon" and row % 2 == 1
+            for curve in (chosen[::-1] if backwards else chosen).tolist():
+                found = self._pass(segments, int(starts[curve]), int(ends[curve]), direction)
+                found = replace(found, layer=layer + 1, plane=plane + 1, curve=int(curve - chosen[0]) + 1)
+                yield found.reversed() if backwards else found
+
+    def _heights(self, layer: int, direction: Floats) -> Floats:
+        """Heights (p,) of a layer's planes, between those of the last layer along the same lines."""
+        heights = plane_heights(self.mesh, direction, self.pitch)
+        angles = [math.cos(2 * (self.travel(other) - self.travel(layer))) for other in range(layer)]
+        shift = (sum(angle > 1.0 - 1e-9 for angle in angles) * self.spray.layer_shift) % 1.0
+        if not shift:
+            return heights
+        shifted = np.append(heights[0] - self.pitch, heights) + shift * self.pitch
+        reach = self.mesh.vertices @ direction
+        inside: Floats = shifted[(shifted > reach.min()) & (shifted < reach.max())]
+        return inside
+
+    def _widths(self, sections: Sections) -> Floats:
+        """Width (s,) on the surface of the strip round each segment, metres."""
+        widths: Floats = strip_widths(self.normals[sections.facets[sections.segments]], sections.direction, self.pitch)
+        return widths
+
+    def _inside(self, sections: Sections) -> tuple[_Segments, float]:
+        """What of the sections P can go along, and the area of the rest in square metres."""
+        rows = sections.segments
+        begins, ends, facets = sections.points[rows], sections.points[rows + 1], sections.facets[rows]
+        ways = ends - begins
+        room = self.box + [[-ROUNDING], [ROUNDING]]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = (room[:, None, :] - begins) / ways
+        # Along an axis in which it does not move, a segment is inside all the way or not at all.
+        within = (begins >= room[0]) & (begins <= room[1])
+        still = ways == 0.0
+        shares[0] = np.where(still, np.where(within, -np.inf, np.inf), shares[0])
+        shares[1] = np.where(still, np.inf, shares[1])
+        first = np.maximum(np.max(np.minimum(shares[0], shares[1]), axis=1), 0.0)
+        last = np.minimum(np.min(np.maximum(shares[0], shares[1]), axis=1), 1.0)
+        inside = ((last - first) * sections.lengths > SAME_POINT) & self.turnable[facets]
+        remaining = np.where(inside, last - first, 0.0)
+        lost = float(np.sum((1.0 - remaining) * sections.lengths * self._widths(sections)))
+        segments = _Segments(
+            begins=np.where((first > 0.0)[:, None], begins + first[:, None] * ways, begins)[inside],
+            ends=np.where((last < 1.0)[:, None], begins + last[:, None] * ways, ends)[inside],
+            facets=facets[inside],
+            planes=np.repeat(sections.planes, np.diff(sections.offsets) - 1)[inside],
+        )
+        return segments, lost
+
+    def _pass(self, segments: _Segments, first: int, last: int, direction: Floats) -> Pass:
+        """One pass over the segments from `first` to before `last`, with gaps bridged and its ends overrun."""
+        stations, points, facets = _polyline(segments, first, last)
+        normals = np.where((facets == NO_FACET)[:, None], np.nan, self.normals[facets])
+        spot = self.spray.spot_mm * MM
+        exempt = _joined(creases(stations, normals, spot / 2, self.limit) + [-spot / 2, spot / 2])
+        exempt = np.clip(exempt, stations[0], stations[-1])
+        inner = exempt[(exempt > stations[0]) & (exempt < stations[-1])]
+        inner = inner[facets[np.searchsorted(stations, inner) - 1] != NO_FACET]
+        stations, points, facets, normals = _cut(stations, points, facets, normals, inner)
+        free = _inside_intervals(stations, exempt)
+        smoothed = smooth(stations, normals, free, self.window, self.limit)
+        fixed = np.isin(stations, inner)
+        fixed[:-1] |= facets == NO_FACET
+        fixed[1:] |= facets == NO_FACET
+        remain = kept(stations, points, smoothed.normals, fixed, self.spray.chord_tolerance_mm * MM)
+        leans = self._leans(facets, free, smoothed, np.flatnonzero(remain))
+        return self._overrun(
+            points[remain], smoothed.normals[remain], leans, stations, facets, exempt, remain, direction
+        )
+
+    def _leans(self, facets: Ints, free: Mask, smoothed: Smoothed, remain: Ints) -> Floats:
+        """Lean (k,) that is left at the vertices that remain, beside the deviation of all those they stand for."""
+        deviations = np.where(free, 0.0, smoothed.deviations)
+        spans = np.maximum.reduceat(deviations, remain[:-1])
+        spans = np.maximum(spans, deviations[remain[1:]])
+        worst = np.maximum(np.append(0.0, spans), np.append(spans, 0.0))
+        leans = np.maximum(self.limit - LEAN_MARGIN - worst, 0.0)
+        return np.where(free[remain], np.inf, leans)
+
+    def _overrun(
+        self,
+        points: Floats,
+        normals: Floats,
+        leans: Floats,
+        stations: Floats,
+        facets: Ints,
+        exempt: Floats,
+        remain: Mask,
+        direction: Floats,
+    ) -> Pass:
+        """The pass of a smoothed section: overrun at both ends, points as near to each other as the setup asks."""
+        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        places = np.append(0.0, np.cumsum(lengths))
+        bounds = np.interp(stations, stations[remain], places)
+        swings = np.interp(exempt, stations[remain], places)
+        bridged = np.isin(places[:-1], bounds[:-1][facets == NO_FACET])
+        ends = []
+        for row, sign in ((0, -1.0), (-1, 1.0)):
+            tangent = sign * np.cross(direction, normals[row])
+            tangent /= np.linalg.norm(tangent)
+            reach = min(self.spray.overrun_mm * MM, _reach(self.box, points[row], tangent))
+            ends.append((reach, points[row] + reach * tangent))
+        (lead, begin), (out, end) = ends
+        points = np.vstack([begin, points, end])
+        normals = np.vstack([normals[0], normals, normals[-1]])
+        most = self.limit - LEAN_MARGIN
+        leans = np.concatenate([[min(leans[0], most)], leans, [min(leans[-1], most)]])
+        places = np.concatenate([[0.0], places + lead, [places[-1] + lead + out]])
+        bridged = np.concatenate([[False], bridged, [False]])
+        points, normals, leans, places = _subdivided(
+            points, normals, leans, places, bridged, self.spray.max_point_spacing_mm * MM
+        )
+        bounds, facets = np.concatenate([[0.0], bounds + lead, [places[-1]]]), np.concatenate([[-1], facets, [-1]])
+        real = np.append(np.diff(bounds) > 0.0, True)
+        lost = places[~reachable(self.wrist, normals, leans)]
+        given_up = facets[np.clip(np.searchsorted(bounds, lost), 2, len(facets) - 1) - 1]
+        self.turnable[given_up[given_up != NO_FACET]] = False
+        return Pass(
+            path=Toolpath(1, np.clip(points, *self.box), normals, places),
+            leans=leans,
+            facets=facets[real[:-1]],
+            bounds=np.append(bounds[:-1][real[:-1]], bounds[-1]),
+            exempt=swings + lead,
+            layer=1,
+            plane=1,
+            curve=1,
+        )
+
+
+def _polyline(segments: _Segments, first: int, last: int) -> tuple[Floats, Floats, Ints]:
+    """Arc lengths (n,), vertices (n, 3) and facets (n - 1,) of a chain of segments with its gaps bridged."""
+    begins, ends = segments.begins[first:last], segments.ends[first:last]
+    points = np.stack([begins, ends], axis=1).reshape(-1, 3)
+    facets = np.full(len(points) - 1, NO_FACET)
+    facets[::2] = segments.facets[first:last]
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    moving = lengths > SAME_POINT
+    stations = np.append(0.0, np.cumsum(lengths[moving]))
+    return stations, points[np.append(True, moving)], facets[moving]
+
+
+def _cut(
+    stations: Floats, points: Floats, facets: Ints, normals: Floats, places: Floats
+) -> tuple[Floats, Floats, Ints, Floats]:
+    """The same polyline with vertices at further places, arc lengths inside it."""
+    new = np.setdiff1d(places, stations)
+    if not len(new):
+        return stations, points, facets, normals
+    after = np.searchsorted(stations, new)
+    share = ((new - stations[after - 1]) / (stations[after] - stations[after - 1]))[:, None]
+    between = points[after - 1] + share * (points[after] - points[after - 1])
+    return (
+        np.insert(stations, after, new),
+        np.insert(points, after, between, axis=0),
+        np.insert(facets, after, facets[after - 1]),
+        np.insert(normals, after, normals[after - 1], axis=0),
+    )
+
+
+def _joined(intervals: Floats) -> Floats:
+    """Intervals (k, 2) in order with those that overlap made one."""
+    if not len(intervals):
+        return intervals
+    apart = np.append(True, intervals[1:, 0] > np.maximum.accumulate(intervals[:, 1])[:-1])
+    first = np.flatnonzero(apart)
+    return np.column_stack([intervals[first, 0], np.maximum.reduceat(intervals[:, 1], first)])
+
+
+def _inside_intervals(stations: Floats, intervals: Floats) -> Mask:
+    """Which stations (n,) lie inside an interval (k, 2), its ends not counted but those of the section."""
+    inside = np.zeros(len(stations), dtype=np.bool_)
+    for low, high in intervals:
+        begins = (stations > low) | ((stations == low) & (low == stations[0]))
+        inside |= begins & ((stations < high) | ((stations == high) & (high == stations[-1])))
+    return inside
+
+
+def _reach(box: Floats, point: Floats, tangent: Floats) -> float:
+    """Metres that P can go on from a point (3,) along a tangent (3,) inside the travel (2, 3)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rooms = np.where(tangent > 0, (box[1] - point) / tangent, (box[0] - point) / tangent)
+    return max(float(np.min(rooms[tangent != 0])), 0.0)
+
+
+def _subdivided(
+    points: Floats, normals: Floats, leans: Floats, places: Floats, bridged: Mask, spacing: float
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """The same path with points no farther apart than the spacing; normals in between are blended.
+
+    Args:
+        points: (n, 3) metres.
+        normals: (n, 3) unit normals.
+        leans: (n,) radians.
+        places: (n,) arc lengths, metres, not decreasing.
+        bridged: (n - 1,) stretches without surface, inside which the gun may swing.
+        spacing: metres.
+    """
+    lengths = np.diff(places)
+    counts = np.where(lengths > 0.0, np.ceil(lengths / spacing - 1e-9), 0.0).astype(np.int64)
+    row = np.repeat(np.arange(len(counts)), counts)
+    step = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = step / counts[row]
+    inner = step > 0
+    blended = normals[row] + share[:, None] * (normals[row + 1] - normals[row])
+    between = np.minimum(leans[row], leans[row + 1])
+    # Between a point that is limited and one that is not, the way belongs to the one that is not.
+    between = np.where(bridged[row] | np.isinf(leans[row]) | np.isinf(leans[row + 1]), np.inf, between)
+    return (
+        np.vstack([points[row] + share[:, None] * (points[row + 1] - points[row]), points[-1:]]),
+        np.vstack([blended / np.linalg.norm(blended, axis=1)[:, None], normals[-1:]]),
+        np.append(np.where(inner, between, leans[row]), leans[-1]),
+        np.append(places[row] + share * lengths[row], places[-1]),
+    )
