@@ -189,14 +189,9 @@ class Inspector:
             np.stack(np.broadcast_arrays(*(row[i] for row in pose.rotation)), axis=1) for i in range(3)
         )
         axis = -left
-        arc_lengths, wraps = np.empty_like(fed), np.empty_like(fed)
-        points, normals, tangents = np.empty_like(centre), np.empty_like(centre), np.empty_like(centre)
-        for index in range(int(places.courses[0]), int(places.courses[-1]) + 1):
-            curve, rows = self.curves[index], places.rows(index)
-            arc_lengths[rows], wraps[rows] = curve.under_nip(
-                fed[rows] - fed[rows.start], normal[rows], heading[rows], self.wrap_radius
-            )
-            points[rows], normals[rows], tangents[rows] = curve.at(arc_lengths[rows])
+        curves = _Curves([(self.curves[index], places.rows(index)) for index in np.unique(places.courses).tolist()])
+        arc_lengths, wraps = curves.under_nip(fed, normal, heading, self.wrap_radius)
+        points, normals, tangents = curves.at(arc_lengths)
 
         square = _unit(np.cross(tangents, normals))
         ahead = np.cross(normals, square)
@@ -544,36 +539,68 @@ class _Curve:
         self._spline = make_interp_spline(self.knots, np.hstack([path.points, path.normals]), degree)
         self._slopes = BSpline(self._spline.t, self._spline.c[:, :3], degree).derivative()
 
+    def at(self, arc_lengths: Floats) -> Floats:
+        """Points and normals (n, 6), the latter of any length, at (n,) arc lengths in metres."""
+        values: Floats = self._spline(arc_lengths)
+        return values
+
+    def slopes(self, arc_lengths: Floats) -> Floats:
+        """Tangents (n, 3) of about unit length at (n,) arc lengths in metres."""
+        slopes: Floats = self._slopes(arc_lengths)
+        return slopes
+
+    def point(self, arc_length: float) -> int:
+        """Number (from 1) of the file's point nearest to an arc length in metres; 0 for NaN."""
+        return 0 if np.isnan(arc_length) else int(np.argmin(np.abs(self.knots - arc_length))) + 1
+
+
+_NO_TAPE = TapeLedger((), (), 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Curves:
+    """Curves of several courses, each with the rows of the samples along it; one after the other they are all rows."""
+
+    courses: Sequence[tuple[_Curve, slice]]
+
     def at(self, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
         """Points, unit normals and unit tangents, (n, 3) each, at (n,) arc lengths in metres."""
-        values = self._spline(arc_lengths)
-        return values[:, :3], _unit(values[:, 3:]), _unit(self._slopes(arc_lengths))
+        values = np.concatenate([curve.at(arc_lengths[rows]) for curve, rows in self.courses])
+        return values[:, :3], _unit(values[:, 3:]), _unit(self.slopes(arc_lengths))
 
-    def under_nip(self, fed: Floats, normals: Floats, headings: Floats, radius: float) -> tuple[Floats, Floats]:
+    def slopes(self, arc_lengths: Floats) -> Floats:
+        """Tangents (n, 3) of about unit length at (n,) arc lengths in metres."""
+        return np.concatenate([curve.slopes(arc_lengths[rows]) for curve, rows in self.courses])
+
+    def under_nip(self, u: Floats, normals: Floats, headings: Floats, radius: float) -> tuple[Floats, Floats]:
         """Arc length (n,) at the nip by the tape fed since the course's start, and the nip's angle (n,) on the roller.
 
         The tape fed is u = s - R beta(s) beside a constant, and beta is measured between the head and the course's
         tangent at s: solved for s by secants.
 
         Args:
-            fed: (n,) metres.
+            u: (n,) metres.
             normals: (n, 3) head normals, unit.
             headings: (n, 3) headings, unit.
             radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
         """
 
         def wrap(arc_lengths: Floats) -> Floats:
-            slopes = self._slopes(arc_lengths)
+            slopes = self.slopes(arc_lengths)
             angles: Floats = np.arctan2(_dot(slopes, normals), _dot(slopes, headings))
             return angles
 
-        arc_lengths = fed.copy()
-        wraps = wrap(arc_lengths)
+        starts = np.repeat(
+            [rows.start for _, rows in self.courses], [rows.stop - rows.start for _, rows in self.courses]
+        )
+        fed = u - u[starts]
+        wraps = wrap(fed)
         if radius == 0.0:
-            return arc_lengths, wraps
-        start = float(np.arctan2(self._slopes(0.0) @ normals[0], self._slopes(0.0) @ headings[0]))
-        before, residual_before = arc_lengths, radius * (start - wraps)
-        arc_lengths = arc_lengths - residual_before
+            return fed, wraps
+        # At its first sample a course is at its start, where no tape is fed.
+        start = wraps[starts]
+        before, residual_before = fed, radius * (start - wraps)
+        arc_lengths = fed - residual_before
         for _ in range(50):
             wraps = wrap(arc_lengths)
             residual = arc_lengths - fed - radius * (wraps - start)
@@ -583,15 +610,7 @@ class _Curve:
             slope = np.where(change != 0.0, (arc_lengths - before) / np.where(change != 0.0, change, 1.0), 1.0)
             before, residual_before = arc_lengths, residual
             arc_lengths = arc_lengths - residual * np.clip(slope, 0.1, 10.0)
-        arc_lengths = np.where(np.abs(residual) <= STATION_ACCURACY, arc_lengths, np.nan)
-        return arc_lengths, wraps
-
-    def point(self, arc_length: float) -> int:
-        """Number (from 1) of the file's point nearest to an arc length in metres; 0 for NaN."""
-        return 0 if np.isnan(arc_length) else int(np.argmin(np.abs(self.knots - arc_length))) + 1
-
-
-_NO_TAPE = TapeLedger((), (), 0.0, 0.0, 0.0, 0.0)
+        return np.where(np.abs(residual) <= STATION_ACCURACY, arc_lengths, np.nan), wraps
 
 
 def _dot(left: Floats, right: Floats) -> Floats:
