@@ -61,7 +61,7 @@ class CourseMotion:
         # The exact form leads the roller's centre over the surface and holds its axis; the paper's leads its nose.
         self._exact = kinematics == "roller"
         self._lift = lengths.radius if self._exact else 0.0
-        joints, wrap = self._solve(self.curve.knots)
+        joints, wrap = self._solve(self.curve.knots, *self.curve.at_knots())
         joints[:, 3] = np.unwrap(joints[:, 3])
         self.at_points = Poses(self.curve.knots, joints, wrap)
 
@@ -71,14 +71,13 @@ class CourseMotion:
         Raises:
             PoseUndefined: a point has no roller pose.
         """
-        joints, wrap = self._solve(arc_lengths)
+        joints, wrap = self._solve(arc_lengths, *self.curve.at(arc_lengths))
         # Every sample goes to the turn of the file's points around it.
         near = np.interp(arc_lengths, self.curve.knots, self.at_points.joints[:, 3])
         joints[:, 3] += np.round((near - joints[:, 3]) / (2 * np.pi)) * (2 * np.pi)
         return Poses(arc_lengths, joints, wrap)
 
-    def _solve(self, arc_lengths: Floats) -> tuple[Floats, Floats]:
-        points, normals, tangents = self.curve.at(arc_lengths)
+    def _solve(self, arc_lengths: Floats, points: Floats, normals: Floats, tangents: Floats) -> tuple[Floats, Floats]:
         joints = self._form.joints(points, normals, tangents)
         lost = np.flatnonzero(~np.all(np.isfinite(joints), axis=1))
         if len(lost):

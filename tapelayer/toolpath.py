@@ -49,15 +49,14 @@ def placed(
         origin: of the part's frame in `machine`, metres: (l1, l2, -l3) of the paper's 1.4.
         thickness: every point moves to p + thickness n, and the arc length is measured again there, metres.
     """
-    turn = Rotation.from_euler("xyz", rotation).as_matrix().T
     points, arc_lengths = toolpath.points, toolpath.arc_lengths - toolpath.arc_lengths[0]
     if thickness:
         points = points + thickness * toolpath.normals
         arc_lengths = _arc_lengths(arc_lengths, points)
+    normals = toolpath.normals
     if np.any(rotation):
-        points, normals = points @ turn, toolpath.normals @ turn
-    else:
-        normals = toolpath.normals
+        turn = Rotation.from_euler("xyz", rotation).as_matrix().T
+        points, normals = points @ turn, normals @ turn
     return Toolpath(toolpath.number, points + np.array(origin), normals, arc_lengths)
 
 
@@ -86,6 +85,11 @@ class Curve:
         # Two points make a line and three a parabola by SciPy's own rule for not-a-knot ends.
         self._spline = CubicSpline(self.knots, np.hstack([toolpath.points, toolpath.normals]), bc_type="not-a-knot")
         self._slope = self._spline.derivative()
+        self._toolpath = toolpath
+
+    def at_knots(self) -> tuple[Floats, Floats, Floats]:
+        """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at the toolpath's samples."""
+        return self._toolpath.points, self._toolpath.normals, _unit(self._slope(self.knots)[:, :3])
 
     def at(self, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
         """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at (n,) arc lengths in metres."""

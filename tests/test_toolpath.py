@@ -48,6 +48,12 @@ def test_curve_of_an_arc_is_the_arc() -> None:
     assert np.max(np.abs(np.linalg.norm(normals, axis=1) - 1)) < 1e-15
 
 
+def test_a_curve_goes_through_its_samples() -> None:
+    curve = Curve(arc(21))
+    for known, found in zip(curve.at_knots(), curve.at(curve.knots), strict=True):
+        assert np.max(np.abs(known - found)) < 1e-15
+
+
 def test_stack_on_a_cylinder_lengthens_the_course() -> None:
     """5 mm of stack on R = 1.5 m is 6.7 mm over a 2 m course."""
     lifted = placed(arc(), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.005)
