@@ -11,7 +11,7 @@ import numpy as np
 from tapelayer import gantry
 from tapelayer.arrays import Floats, Ints
 from tapelayer.course import Course
-from tapelayer.errors import AxisBeyondTravel, TapeRunsBack
+from tapelayer.errors import AxisBeyondTravel, PartTooHigh, TapeRunsBack
 from tapelayer.linearisation import CourseMotion, Poses, block_ends
 from tapelayer.machine import Axis, Machine
 from tapelayer.progress import Tick, silent
@@ -75,6 +75,7 @@ def plan(
 
     Raises:
         AxisBeyondTravel: a course needs an axis beyond its travel.
+        PartTooHigh: the head cannot go from course to course over the part.
         PoseUndefined: a point has no roller pose.
         TapeRunsBack: the tape would have to run back under the shoe.
         TapelayerError: the tape cannot be cut that way; see `plan_tape`.
@@ -93,7 +94,7 @@ def plan(
         radius * np.array([way.laid.wrap[[0, -1]] for way in ways]),
         frozenset(number for number, blade in ((1, "d"), (2, "e")) if blade in alone),
     )
-    program = _Program(setup, machine, tape, max(float(np.max(way.path.points[:, 2])) for way in ways))
+    program = _Program(setup, machine, tape, _least_link(ways, setup, machine))
     for course, way in enumerate(ways):
         program.add_course(course, way)
     return program.trajectory(ways)
@@ -138,8 +139,11 @@ def _way(path: Toolpath, setup: Setup, lengths: gantry.Lengths, radius: float) -
 class _Program:
     """Blocks of a program as they are added, course by course."""
 
-    def __init__(self, setup: Setup, machine: Machine, tape: TapePlan, highest: float) -> None:
-        self.setup, self.machine, self.tape = setup, machine, tape
+    def __init__(self, setup: Setup, machine: Machine, tape: TapePlan, least_link: float) -> None:
+        self.setup, self.machine, self.tape, self.least_link = setup, machine, tape, least_link
+        clearance = setup.process.link_clearance_mm
+        clearance = setup.process.approach_mm if clearance is None else clearance
+        self.link_height = max(least_link - clearance * MM, machine.axis("z").lower)
         self.speeds = np.array([axis.speed for axis in machine.axes])
         self.columns = {axis.name: i for i, axis in enumerate(machine.axes)}
         self.pose = [self.columns[name] for name in gantry.POSE]
@@ -151,10 +155,6 @@ class _Program:
         delays = setup.head.delays_ms
         self.shoe_delay, self.roller_delay = delays.shoe * 1e-3, delays.roller * 1e-3
         self.knife_delay, self.heater_delay = delays.knife * 1e-3, delays.heater * 1e-3
-        lengths = gantry.lengths(machine)
-        clearance = setup.process.link_clearance_mm
-        above = highest + (setup.process.approach_mm if clearance is None else clearance) * MM
-        self.link_height = max(-above - lengths.l4 - lengths.l6, machine.axis("z").lower)
         self.at = np.zeros(len(machine.axes))
         self.at[self.knives] = tape.steps.poses[0]
         self.parts: list[tuple[Rows, int, Sequence[int]]] = []
@@ -339,11 +339,19 @@ class _Program:
 
         Raises:
             AxisBeyondTravel: an axis leaves its travel.
+            PartTooHigh: the head cannot go from course to course over the part.
         """
         rows = [part[0] for part in self.parts]
         joints = np.concatenate([row.joints for row in rows])
         courses = np.repeat([course for _, course, _ in self.parts], [len(row.kinds) for row in rows])
         self._check_travel(joints, courses, np.concatenate([row.arcs for row in rows]), ways)
+        if not self.link_height <= self.least_link:
+            raise PartTooHigh(
+                "the head cannot go from course to course over the part: with axis z at the end of its travel, "
+                f"{self.link_height / MM:g} mm, the edge of the rolled head is "
+                f"{(self.link_height - self.least_link) / MM:.3f} mm below the highest course point; lower the part "
+                "with [part] l3_mm"
+            )
         return Trajectory(
             axes=self.machine.names,
             start=np.full(len(self.machine.axes), np.nan),
@@ -368,6 +376,20 @@ class _Program:
             found.append((way.path.number, way.point(float(arcs[row])), axis, float(joints[row, column])))
         if found:
             raise AxisBeyondTravel(found, _advice({axis.name for _, _, axis, _ in found}))
+
+
+def _least_link(ways: Sequence[_Way], setup: Setup, machine: Machine) -> float:
+    """Axis z, in metres, at which the head goes from course to course only just over the part."""
+    highest = max(float(np.max(way.path.points[:, 2])) for way in ways)
+    lengths = gantry.lengths(machine)
+    # A rolled head stands on the edge of its roller: lower by half the width, higher by the way to the axis of roll.
+    half, arm = setup.tape.width_mm / 2 * MM, lengths.l6 - lengths.radius
+    starts, ends = np.array([way.laid.joints[[0, -1], 4] for way in ways]).T
+    rolls = np.array([np.append(starts[0], ends[:-1]), starts])
+    least = np.where(np.prod(rolls, axis=0) > 0.0, np.min(np.abs(rolls), axis=0), 0.0)
+    rolled = np.clip(math.atan2(half, arm), least, np.max(np.abs(rolls), axis=0))
+    lowest = float(np.min(arm * (1.0 - np.cos(rolled)) - half * np.sin(rolled)))
+    return -highest + lowest - lengths.l4 - lengths.l6
 
 
 def _whole_turns(angles: Floats, near: float, axis: Axis) -> float:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tapelayer import gantry
 from tapelayer.course import Course, read_courses
-from tapelayer.errors import AxisBeyondTravel, TapeRunsBack
+from tapelayer.errors import AxisBeyondTravel, PartTooHigh, TapeRunsBack
 from tapelayer.laying import plan
 from tapelayer.machine import Machine
 from tapelayer.setup import DEG, MM, Setup
@@ -70,15 +70,30 @@ def test_the_link_goes_up_first_and_down_last() -> None:
     setup = setup_of("[process]\nlink_clearance_mm = 60")
     trajectory = planned(flat_course(1), helix_course(2, heading=0.4), setup=setup)
     highest = max(flat_course().points[:, 2].max(), helix_course(heading=0.4).points[:, 2].max()) - 1.4
-    height = -(highest + 0.06) - LENGTHS.l4 - LENGTHS.l6
     rapids = np.flatnonzero((trajectory.kinds == Kind.RAPID) & (trajectory.courses == 1))
     up, over, down = trajectory.positions[rapids]
     before = trajectory.positions[rapids[0] - 1]
     sideways = [i for name, i in COLUMN.items() if name != "z"]
-    assert up[COLUMN["z"]] == over[COLUMN["z"]] == pytest.approx(height, abs=1e-15)
+    assert up[COLUMN["z"]] == over[COLUMN["z"]]
+    # The edge of the roller, on the side to which it is rolled, keeps the clearance.
+    pose = MACHINE.forward(np.array([up, over]), "roller")
+    edges = pose[:, 2, 3] - LENGTHS.radius - 75 * MM / 2 * np.abs(pose[:, 2, 1])
+    assert np.min(edges) == pytest.approx(highest + 0.06, abs=1e-12)
     assert np.array_equal(up[sideways], before[sideways])
     assert np.array_equal(over[sideways], down[sideways])
     assert down[COLUMN["z"]] > over[COLUMN["z"]]
+
+
+def test_a_rolled_head_that_cannot_rise_over_the_part_is_refused() -> None:
+    """Along a cylinder, 16 degrees down its side: approach and courses are in reach, the roller's edge hangs lower."""
+    courses = [helix_course(k, heading=math.pi / 2, start=(0.3, 0.28)) for k in (1, 2)]
+    setup = setup_of("[process]\napproach_mm = 5\n[machine]\nlimits_deg = {c = [-180, 180], a = [-30, 30]}")
+    free = planned(*courses, setup=setup, machine=wide())
+    reached = float(np.min(free.positions[free.kinds == Kind.LINEAR, COLUMN["z"]]))
+    rolled = 75 / 2 * math.sin(0.28) + 40 * (1 - math.cos(0.28)) - 5 * math.cos(0.28)
+    with pytest.raises(PartTooHigh, match=rf"end of its travel, {reached / MM:g} mm.* is {rolled:.3f} mm below.*l3_mm"):
+        planned(*courses, setup=setup, machine=wide().with_limits({"z": (reached, 0.8)}, {}))
+    assert planned(*courses, setup=setup, machine=wide().with_limits({"z": (reached - rolled * MM - 1e-9, 0.8)}, {}))
 
 
 def test_the_link_never_leaves_the_travel() -> None:
