@@ -16,11 +16,13 @@ from tapelayer.trajectory import Event, Kind, Trajectory
 KNIVES = (("knife_1", Event.KNIFE_1_DOWN, Event.KNIFE_1_UP), ("knife_2", Event.KNIFE_2_DOWN, Event.KNIFE_2_UP))
 # Two cuts that part by no more over the tape and both clearances are one line (docs: tape coordinates).
 SAME_LINE = 1e-5
+# What the last written digits of u can add to the tape drawn from a roll.
+ROLL_DIGIT = 2e-6
 # A knife farther off than this from every line that the courses ask for makes none of them.
 STRAY = 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Laid:
     """A course as the program lays it.
 
@@ -32,6 +34,7 @@ class Laid:
         station: of its start on the tape, metres, by the tape fed.
         begin: seconds at which its laying begins.
         end: seconds at which it ends.
+        out: (3,) unit tangent at its end, `machine` axes.
     """
 
     number: int
@@ -41,6 +44,7 @@ class Laid:
     station: float
     begin: float
     end: float
+    out: Floats
 
 
 @dataclass(frozen=True)
@@ -93,22 +97,27 @@ def judge_cuts(
     sweeps = _sweeps(trajectory, setup, machine)
     made, failures = _matched(trajectory, courses, lines, sweeps, setup)
     rows, overlaps = _ledger(trajectory, courses, fresh, edges, lines, made, setup)
-    failures += [*overlaps, *_rolls(courses, edges, setup)]
+    failures += [*overlaps, *_rolls(trajectory, setup, machine)]
     used = courses[-1].station + courses[-1].length if courses else 0.0
     return TapeLedger(tuple(rows), tuple(made), used, *_shares(trajectory, courses)), failures
 
 
 def _roll_edges(trajectory: Trajectory, courses: Sequence[Laid]) -> list[float]:
-    """Station of the leading edge of each course's roll: u at the stop before it, 0 for the first."""
-    stops = np.flatnonzero(trajectory.events == Event.STOP)
-    edges = np.append(0.0, trajectory.positions[stops, trajectory.column("u")])
+    """Station of the leading edge of each course's roll: u at the stop before it, of the first where it begins."""
+    stops, u = np.flatnonzero(trajectory.events == Event.STOP), trajectory.positions[:, trajectory.column("u")]
+    edges = np.append(u[np.argmin(np.isnan(u))], u[stops])
     before = np.searchsorted(trajectory.times[stops], [course.begin for course in courses], side="right")
     return [float(edge) for edge in edges[before]]
 
 
+def _reach(setup: Setup) -> float:
+    """How far across a knife goes in a sweep, in metres: the tape's width and both clearances."""
+    return (setup.tape.width_mm + 2 * setup.head.knife_clearance_mm) * MM
+
+
 def _lines(courses: Sequence[Laid], fresh: Sequence[bool], setup: Setup) -> list[_Line]:
     """Lines to be cut in the order of the tape; a cut that two courses share is one line."""
-    reach = (setup.tape.width_mm + 2 * setup.head.knife_clearance_mm) * MM
+    reach = _reach(setup)
     lines: list[_Line] = []
     for index, course in enumerate(courses):
         start, end = course.cut_angles
@@ -165,7 +174,7 @@ def _matched(
     trajectory: Trajectory, courses: Sequence[Laid], lines: Sequence[_Line], sweeps: Sequence[_Sweep], setup: Setup
 ) -> tuple[list[CutMade], list[Failure]]:
     """Every line with the sweep that cuts it; lines not cut, cut again, or not well, and sweeps that cut no line."""
-    limits, half = setup.verification, setup.tape.width_mm / 2 * MM
+    limits, reach = setup.verification, _reach(setup)
     stations = np.array([line.station for line in lines])
     found: dict[int, list[_Sweep]] = {}
     failures = []
@@ -196,8 +205,9 @@ def _matched(
         if not turned <= limits.max_blade_error_deg * DEG:
             failures.append(Failure(course, point, "blade_error_deg", turned / DEG, limits.max_blade_error_deg, row))
         width = 2 * float(min(-np.min(sweep.across), np.max(sweep.across)))
-        if not width >= 2 * half or not min(abs(sweep.across[0]), abs(sweep.across[-1])) >= half:
-            failures.append(Failure(course, point, "cut_width_mm", width / MM, 2 * half / MM, row))
+        ends = 2 * float(min(abs(sweep.across[0]), abs(sweep.across[-1])))
+        if not min(width, ends) >= reach - limits.max_cut_error_mm * MM:
+            failures.append(Failure(course, point, "cut_width_mm", min(width, ends) / MM, reach / MM, row))
         made.append(
             CutMade(
                 station=line.station,
@@ -224,8 +234,7 @@ def _ledger(
     setup: Setup,
 ) -> tuple[list[LedgerRow], list[Failure]]:
     """Tape by course, and courses whose cuts lie closer than the angles allow."""
-    width, margin = setup.tape.width_mm * MM, setup.head.scrap_margin_mm * MM
-    reach = width + 2 * setup.head.knife_clearance_mm * MM
+    width, margin, reach = setup.tape.width_mm * MM, setup.head.scrap_margin_mm * MM, _reach(setup)
     shared = {line.starting for line in lines if line.ending >= 0}
     rows, failures, before = [], [], 0.0
     for index, course in enumerate(courses):
@@ -265,13 +274,20 @@ def _stops(trajectory: Trajectory, course: Laid) -> int:
     return int(np.sum(np.diff(rests.astype(np.int8), prepend=np.int8(0)) == 1))
 
 
-def _rolls(courses: Sequence[Laid], edges: Sequence[float], setup: Setup) -> list[Failure]:
-    """Rolls that are used beyond their end, the tape between knives and nip included."""
+def _rolls(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[Failure]:
+    """Rolls from which more tape is drawn, up to knife 2 when it comes in and when it runs out, than they hold."""
+    u = trajectory.positions[:, trajectory.column("u")]
+    stops = np.flatnonzero(trajectory.events == Event.STOP)
+    known = int(np.argmin(np.isnan(u)))
+    knives = machine.forward_all(np.zeros((1, len(machine.axes))), ("knife_1", "knife_2"))
+    pitch = float(np.linalg.norm(knives["knife_1"][0, :3, 3] - knives["knife_2"][0, :3, 3]))
     failures = []
-    for course, edge in zip(courses, edges, strict=True):
-        used = course.station + course.length + setup.head.knife_to_nip_mm * MM - edge
-        if not used <= setup.tape.roll_length_m:
-            failures.append(Failure(course.number, course.points, "roll_used_m", used, setup.tape.roll_length_m))
+    for first, last in zip([known, *stops], [*stops, len(u)], strict=True):
+        furthest = first + int(np.argmax(u[first:last]))
+        used = float(u[furthest] - u[first]) + pitch
+        if not used <= setup.tape.roll_length_m + ROLL_DIGIT:
+            line = int(trajectory.lines[furthest])
+            failures.append(Failure(0, 0, "roll_used_m", used, setup.tape.roll_length_m, line))
     return failures
 
 

@@ -17,9 +17,10 @@ from tapelayer.evidence import AxisUse, Evidence, Failure, Samples, TapeLedger
 from tapelayer.laying import place
 from tapelayer.machine import CHUNK, Machine
 from tapelayer.progress import Tick, silent
+from tapelayer.sequence import FEED_DIGITS, judge_sequence
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.toolpath import Toolpath
-from tapelayer.trajectory import MOTIONS, Event, Kind, Trajectory
+from tapelayer.trajectory import Event, Kind, Trajectory
 
 # Between two block ends the path is looked at this often, and at least every so many metres.
 LEAST_SAMPLES = 4
@@ -27,25 +28,16 @@ SAMPLE_STEP = 5e-3
 # Pinocchio itself evaluates this many block ends; of a longer program an even selection.
 PINOCCHIO_BLOCKS = 20_000
 PINOCCHIO_AGREEMENT = 1e-9
-# A feed word of six digits and the time made from it agree this well.
-FEED_DIGITS = 1e-5
 # Inside a block that is straight in joint space the nip's speed varies by less than this share.
 NIP_SPEED_MARGIN = 0.01
 # Rounded feeds shift a switch against the motion by microseconds: tape that runs back no farther under it rests.
 RUN_BACK = 1e-6
+# A switch that is on for no more than this share of a block's time is not on in it.
+HELD = 1e-3
 # The nip's arc length is found from the tape fed to this accuracy, in metres.
 STATION_ACCURACY = 1e-10
 
 SHOWN_FAILURES = 10
-
-# What must be switched on before what switches it off, and the other way round.
-SWITCHES = (
-    ("shoe", Event.SHOE_DOWN, Event.SHOE_UP),
-    ("auxiliary_roller", Event.ROLLER_DOWN, Event.ROLLER_UP),
-    ("heater", Event.HEATER_ON, Event.HEATER_OFF),
-    ("knife_1", Event.KNIFE_1_DOWN, Event.KNIFE_1_UP),
-    ("knife_2", Event.KNIFE_2_DOWN, Event.KNIFE_2_UP),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,15 +108,20 @@ class Inspector:
         """Evidence on a trajectory, failures included; arguments as `verify`."""
         digits = np.zeros(len(trajectory.axes)) if resolution is None else resolution
         layings = _layings(trajectory, self.setup)
-        failures = [*_unstated(trajectory), *_switching(trajectory), *self._number_of_courses(layings)]
+        failures = [*_unstated(trajectory), *_switching(trajectory, self.setup), *self._number_of_courses(layings)]
         if any(failure.what == "unstated_axes" for failure in failures):
             # Nothing can be measured on a program that does not say where it is.
             layings = []
         samples, blocks, laid = self._measured(trajectory, layings[: len(self.curves)], tick)
         failures += self._judged(trajectory, samples, blocks, digits)
-        tape, cutting = judge_cuts(trajectory, laid, self.setup, self.machine) if laid else (_NO_TAPE, [])
+        tape, clearance = _NO_TAPE, np.inf
+        if laid:
+            tape, cutting = judge_cuts(trajectory, laid, self.setup, self.machine)
+            clearance, sequence = judge_sequence(
+                trajectory, laid, samples, self.highest, self.setup, self.machine, digits
+            )
+            failures += [*cutting, *sequence]
         axes, beyond = self._axes(trajectory, digits)
-        clearance, links = self._links(trajectory, layings)
         taken_back, feeding = self._feeding(trajectory, layings)
         disagreement = self._pinocchio(trajectory)
         if not disagreement <= PINOCCHIO_AGREEMENT:
@@ -143,7 +140,7 @@ class Inspector:
             tape_width=self.setup.tape.width_mm * MM,
             roller_radius=self.roller_radius,
             tape=tape,
-            failures=tuple([*failures, *feeding, *cutting, *beyond, *links]),
+            failures=tuple([*failures, *feeding, *beyond]),
         )
 
     def _number_of_courses(self, layings: Sequence[_Laying]) -> list[Failure]:
@@ -178,8 +175,17 @@ class Inspector:
         return np.split(np.arange(len(sizes)), borders) if sizes else []
 
     def _laid(self, index: int, laying: _Laying, station: float) -> Laid:
-        curve, angles = self.curves[index], self.courses[index].cut_angles
-        return Laid(curve.path.number, len(curve.knots), angles, curve.length, station, laying.begin, laying.end)
+        curve = self.curves[index]
+        return Laid(
+            number=curve.path.number,
+            points=len(curve.knots),
+            cut_angles=self.courses[index].cut_angles,
+            length=curve.length,
+            station=station,
+            begin=laying.begin,
+            end=laying.end,
+            out=_unit(curve.slopes(curve.knots[-1:]))[0],
+        )
 
     def _samples(self, places: _Places, fed: Floats) -> Samples:
         """Samples of some courses, at the places (n,) with the tape fed (n,) there, metres."""
@@ -291,50 +297,6 @@ class Inspector:
         number = self.curves[index].path.number if 0 <= index < len(self.curves) else 0
         return Failure(number, 0, what, float(value), float(limit), int(trajectory.lines[row]))
 
-    def _links(self, trajectory: Trajectory, layings: Sequence[_Laying]) -> tuple[float, list[Failure]]:
-        """Least clearance of the roller above the highest course point while the head goes from course to course.
-
-        It is on its way where it is farther from the course behind and from the course ahead than run-out and approach
-        can bring it.
-        """
-        head, process = self.setup.head, self.setup.process
-        near = ((head.aux_roller_lag_mm if head.run_out == "tangent" else 0.0) + process.approach_mm + 1.0) * MM
-        sideways = [trajectory.column(name) for name in ("x", "y", "c", "a")]
-        sideways = [trajectory.column(name) for name in ("x", "y", "c", "a")]
-        rows = np.arange(len(trajectory))
-        moving = np.isin(trajectory.kinds, MOTIONS)
-        # Straight up and down is over the course's own end; NaN, before everything is stated, goes nowhere.
-        moving &= np.any(np.abs(trajectory.positions - trajectory.begins(rows))[:, sideways] > 0.0, axis=1)
-        moving &= ~np.any(np.isnan(trajectory.begins(rows) + trajectory.positions), axis=1)
-        for laying in layings:
-            moving[laying.first : laying.last] = False
-        rows = np.flatnonzero(moving)
-        if not len(rows):
-            return np.inf, []
-        # The courses behind and ahead of each row, where there are such.
-        steps = np.linspace(0.0, 1.0, 9)
-        firsts, lasts = np.array([(laying.first, laying.last) for laying in layings]).reshape(-1, 2).T
-        before = np.repeat(np.searchsorted(lasts, rows, side="right") - 1, len(steps))
-        after = np.repeat(np.searchsorted(firsts, rows, side="right"), len(steps))
-        pose = self.machine.columns(trajectory.within(np.repeat(rows, len(steps)), np.tile(steps, len(rows))), "roller")
-        centres = np.stack(np.broadcast_arrays(*pose.translation), axis=1)
-        away = np.full(len(centres), np.inf)
-        for ends, index in ((lasts - 1, before), (firsts - 1, after)):
-            there = (index >= 0) & (index < len(layings))
-            if np.any(there):
-                ends_at = self.machine.forward(trajectory.positions[ends], "roller")[:, :3, 3]
-                distances = np.linalg.norm(centres[there] - ends_at[index[there]], axis=1)
-                away[there] = np.minimum(away[there], distances)
-        half_width = self.setup.tape.width_mm / 2 * MM
-        lowest = centres[:, 2] - self.roller_radius - half_width * np.abs(pose.rotation[2][1]) - self.highest
-        lowest = np.where(away > near, lowest, np.inf)
-        worst = int(np.argmin(lowest))
-        least = float(lowest[worst])
-        if least >= 0.0:
-            return least, []
-        row = int(rows[worst // len(steps)])
-        return least, [self._at_block(trajectory, row, "link_clearance_mm", least / MM, 0.0)]
-
     def _feeding(self, trajectory: Trajectory, layings: Sequence[_Laying]) -> tuple[float, list[Failure]]:
         """Longest run of the tape backwards, and where it runs back or is fed as it may not.
 
@@ -345,7 +307,13 @@ class Inspector:
         rows = np.arange(len(trajectory))
         steps = np.nan_to_num(trajectory.positions[:, u] - trajectory.begins(rows)[:, u])
         failures = []
-        back = steps * self._held(trajectory)
+        delays = self.setup.head.delays_ms
+        held = [
+            _held(trajectory, Event.SHOE_DOWN, Event.SHOE_UP, delays.shoe),
+            _held(trajectory, Event.KNIFE_1_DOWN, Event.KNIFE_1_UP, delays.knife),
+            _held(trajectory, Event.KNIFE_2_DOWN, Event.KNIFE_2_UP, delays.knife),
+        ]
+        back = steps * np.max(held, axis=0)
         row = int(np.argmin(back))
         if not back[row] >= -RUN_BACK:
             failures.append(self._at_block(trajectory, row, "tape_run_back_mm", -back[row] / MM, 0.0))
@@ -378,24 +346,6 @@ class Inspector:
                 self._at_block(trajectory, row, "supply_mode_before_feed", len(supply[supply < first_feed]), 1)
             )
         return float(np.max(-steps, initial=0.0)), failures
-
-    def _held(self, trajectory: Trajectory) -> Floats:
-        """Largest share (n,) of each block's time during which the shoe or one of the knives is down."""
-        delays = self.setup.head.delays_ms
-        shares = np.zeros(len(trajectory))
-        spent = np.where(trajectory.durations > 0.0, trajectory.durations, 1.0)
-        for on, off, delay in (
-            (Event.SHOE_DOWN, Event.SHOE_UP, delays.shoe),
-            (Event.KNIFE_1_DOWN, Event.KNIFE_1_UP, delays.knife),
-            (Event.KNIFE_2_DOWN, Event.KNIFE_2_UP, delays.knife),
-        ):
-            times = np.sort(np.concatenate([trajectory.times[trajectory.events == event] for event in (on, off)]))
-            times = np.append(times, trajectory.duration)[: len(times) + len(times) % 2] + delay * 1e-3
-            if len(times):
-                down = np.cumsum(np.diff(times) * (np.arange(len(times) - 1) % 2 == 0))
-                until = np.interp(trajectory.times, times, np.append(0.0, down))
-                shares = np.maximum(shares, np.diff(until, prepend=0.0) / spent)
-        return shares
 
     def _pinocchio(self, trajectory: Trajectory) -> float:
         """Largest difference, in metres, between Pinocchio itself and the batch evaluator at block ends."""
@@ -498,7 +448,11 @@ def _worst(courses: Ints, values: Floats, limit: float) -> Ints:
 
 
 def _unstated(trajectory: Trajectory) -> list[Failure]:
-    """Blocks that move by feed before every axis has been stated."""
+    """A first motion that is more than z, and blocks that move by feed before every axis has been stated."""
+    known = ~np.isnan(trajectory.positions)
+    first = int(np.argmax(np.any(known, axis=1)))
+    if known[first].sum() > known[first, trajectory.column("z")]:
+        return [Failure(0, 0, "first_motion_axes", int(known[first].sum()), 1, int(trajectory.lines[first]))]
     lost = np.any(np.isnan(trajectory.positions), axis=1) & (trajectory.kinds != Kind.RAPID)
     if not np.any(lost):
         return []
@@ -507,10 +461,17 @@ def _unstated(trajectory: Trajectory) -> list[Failure]:
     return [Failure(0, 0, "unstated_axes", count, 0, int(trajectory.lines[row]))]
 
 
-def _switching(trajectory: Trajectory) -> list[Failure]:
-    """Switches that are put on twice, off twice or left on, and rapids while one is on."""
+def _switching(trajectory: Trajectory, setup: Setup) -> list[Failure]:
+    """Switches that are put on twice, off twice or left on, and rapids and stops while one is on."""
     failures = []
-    for name, on, off in SWITCHES:
+    delays = setup.head.delays_ms
+    for name, on, off, delay in (
+        ("shoe", Event.SHOE_DOWN, Event.SHOE_UP, delays.shoe),
+        ("auxiliary_roller", Event.ROLLER_DOWN, Event.ROLLER_UP, delays.roller),
+        ("heater", Event.HEATER_ON, Event.HEATER_OFF, delays.heater),
+        ("knife_1", Event.KNIFE_1_DOWN, Event.KNIFE_1_UP, delays.knife),
+        ("knife_2", Event.KNIFE_2_DOWN, Event.KNIFE_2_UP, delays.knife),
+    ):
         rows = np.flatnonzero((trajectory.events == on) | (trajectory.events == off))
         states = np.where(trajectory.events[rows] == on, 1, 0)
         wrong = np.flatnonzero(states != (np.arange(len(rows)) + 1) % 2)
@@ -521,11 +482,26 @@ def _switching(trajectory: Trajectory) -> list[Failure]:
             failures.append(Failure(0, 0, f"{name}_left_on", 1, 0, int(trajectory.lines[rows[-1]])))
         changes = np.zeros(len(trajectory), np.int64)
         changes[rows] = np.where(states == 1, 1, -1)
-        rapid_on = (np.cumsum(changes) > 0) & (trajectory.kinds == Kind.RAPID)
-        if np.any(rapid_on):
-            row = int(np.argmax(rapid_on))
-            failures.append(Failure(0, 0, f"rapid_with_{name}_on", 1, 0, int(trajectory.lines[row])))
+        # From the word that puts it on until the word that puts it off has taken effect.
+        still_on = (np.cumsum(changes) > 0) | (_held(trajectory, on, off, delay) > HELD)
+        for what, blocks in (("rapid", trajectory.kinds == Kind.RAPID), ("stop", trajectory.events == Event.STOP)):
+            if np.any(still_on & blocks):
+                row = int(np.argmax(still_on & blocks))
+                failures.append(Failure(0, 0, f"{what}_with_{name}_on", 1, 0, int(trajectory.lines[row])))
     return failures
+
+
+def _held(trajectory: Trajectory, on: Event, off: Event, delay: float) -> Floats:
+    """Share (n,) of each block's time during which a switch is on, its words taking effect `delay` ms later."""
+    times = np.sort(np.concatenate([trajectory.times[trajectory.events == event] for event in (on, off)]))
+    # What is left on is on to the end.
+    times = np.append(times, trajectory.duration)[: len(times) + len(times) % 2] + delay * 1e-3
+    if not len(times):
+        return np.zeros(len(trajectory))
+    spent = np.cumsum(np.diff(times) * (np.arange(len(times) - 1) % 2 == 0))
+    until = np.interp(trajectory.times, times, np.append(0.0, spent))
+    shares: Floats = np.diff(until, prepend=0.0) / np.where(trajectory.durations > 0.0, trajectory.durations, 1.0)
+    return shares
 
 
 class _Curve:
