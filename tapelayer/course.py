@@ -49,7 +49,7 @@ _COMMENT = re.compile(rb"(?<![0-9]\.)#[^\r\n]*")
 _CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 # Python's float() also takes underscores and the digits of other scripts; a course file's numbers are plain ASCII.
 _NUMBER = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_COURSE_NUMBER = re.compile(rb"[0-9]{1,9}")
+_COURSE_NUMBER = re.compile(rb"(?=0*[1-9])[0-9]{1,9}")
 _HEAD = re.compile(
     rb"[ \t\n]*([0-9]{1,9})[ \t]*\n[ \t\n]*start[ \t]*\n[ \t\n]*([-+.0-9e]+)(?:[ \t]+([-+.0-9e]+))?[ \t]*\n"
 )
@@ -291,7 +291,7 @@ def _quick(text: bytes) -> _Table:
         if size > _BATCH:
             _add_batch(batch, counts, rows)
             batch, size = [], 0
-    if not numbers or text[at:].strip(b" \t\n") or len(set(numbers)) < len(numbers):
+    if not numbers or min(numbers) < 1 or text[at:].strip(b" \t\n") or len(set(numbers)) < len(numbers):
         raise _NeedsCare
     _add_batch(batch, counts, rows)
     all_rows = np.concatenate(rows)
@@ -522,7 +522,7 @@ class _Reader:
             if not self._is_number(at):
                 self._refuse(
                     at,
-                    "expected a course number (a whole number of at most 9 digits) alone on its line before `start`, "
+                    "expected a course number (a whole number from 1, of at most 9 digits) alone on its line before `start`, "
                     f"got {self._got(at)}; give each course a number and close it with `end`",
                 )
             while at < len(self.lines) and not self._is_number(at) and not self._is(at, b"start"):

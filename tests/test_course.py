@@ -277,7 +277,7 @@ STYLES = st.sampled_from(["%.4f", "%.6f", "%r", "%.17g", "%e", "%+.3f", "%.0f"])
 def files(draw: st.DrawFn) -> bytes:
     """Good course files in many styles."""
     parts = []
-    for number in draw(st.lists(st.integers(0, 999_999_999), min_size=1, max_size=4, unique=True)):
+    for number in draw(st.lists(st.integers(1, 999_999_999), min_size=1, max_size=4, unique=True)):
         style, arc_style = draw(STYLES), draw(st.sampled_from(["%.4f", "%r"]))
         angles = " ".join(draw(st.lists(st.floats(1e-300, 179.999999).map(repr), min_size=1, max_size=2)))
         parts.append(f"{number}\n{draw(st.sampled_from(['start', 'START', 'Start']))}\n{angles}\n")
