@@ -5,17 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from post.controllers import AxisWord, Controller
+from post import arcs
+from post.columns import Column, columns_of, moving
+from post.controllers import Controller
 from post.words import Cells, join, literals, rounded, words
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import NotWritable
 from tapelayer.provenance import Provenance
-from tapelayer.trajectory import MOTIONS, Event, Kind, Trajectory
+from tapelayer.trajectory import Event, Kind, Trajectory
 
 if TYPE_CHECKING:
     from tapelayer.verification import Verified
@@ -26,6 +28,8 @@ TAPE = "u"
 FEED_DECIMALS = 9
 # Rows made into text at once: their cells stay in the cache.
 CHUNK = 1 << 14
+
+PLANE_NAMES: tuple[Literal["xy", "zx", "yz"], ...] = ("xy", "zx", "yz")
 
 _COMMENT_MARK = b"\x01"
 _NOT_IN_COMMENTS = re.compile(r"[^ -~]|[()%;]")
@@ -39,7 +43,8 @@ def write(verified: Verified, controller: Controller, provenance: Provenance) ->
     rounded word changes is written as a dwell of its duration; where that rounds to nothing, the block is dropped and
     its time is added to the next block if that is a straight motion, or else collected into one dwell. An axis that
     the control does not interpolate is written as its table says, and a block that moves no other is followed by a
-    dwell of the block's duration.
+    dwell of the block's duration. Runs of straight blocks on one circle are written as circular blocks where the
+    control's table has planes for them.
 
     Args:
         verified: what `verify` passed; the joint values of an axis may be NaN until it is first stated.
@@ -54,56 +59,27 @@ def write(verified: Verified, controller: Controller, provenance: Provenance) ->
     trajectory = verified.trajectory
     if not len(trajectory):
         raise NotWritable("the trajectory has no blocks, so there is no program to write")
-    columns = _columns(trajectory, controller.addressed(trajectory.axes))
-    moves = _moves(trajectory, columns, controller)
-    durations, pauses = _times(trajectory, moves, 10**controller.codes.dwell_decimals)
-    feeds = _feeds(moves.straight, durations, columns, controller)
-    starts = _starts(trajectory.courses)
-    if controller.u_reset == "course":
-        columns = [_reset(column, starts) if TAPE in column.axis.joints else column for column in columns]
+    columns = columns_of(trajectory, controller.addressed(trajectory.axes))
     for column in columns:
         column.check(controller.max_word)
+    _check_events(trajectory, controller)
+    moves = _moves(trajectory, columns, controller)
+    if controller.arcs.planes:
+        merged, columns = arcs.merged(trajectory, columns, controller)
+        moves = moves if merged is trajectory else _moves(merged, columns, controller)
+        trajectory = merged
+    circles = arcs.circles(trajectory, columns)
+    durations, pauses = _times(trajectory, moves, 10**controller.codes.dwell_decimals)
+    feeds = _feeds(moves.straight, durations, columns, circles, controller)
+    starts = _starts(trajectory.courses)
+    if controller.u_reset == "course":
+        columns = [_reset(column, starts) if column.joint == TAPE else column for column in columns]
     layout = _layout(trajectory, moves, pauses, 10**controller.codes.dwell_decimals)
-    rows = _rows(trajectory, columns, layout, feeds, starts, controller)
+    rows = _rows(trajectory, columns, circles, layout, feeds, starts, controller)
     head = _head(controller, provenance)
     last = f"{controller.blocks.last_line}\n" if controller.blocks.last_line else ""
     courses = [_course_comment(trajectory.courses, block, controller) for block in starts.tolist()]
-    return b"".join([head, *_body(rows, columns, controller, courses), last.encode("ascii")])
-
-
-@dataclass(frozen=True, eq=False)
-class _Column:
-    """An axis's words.
-
-    Attributes:
-        axis: the axis word.
-        joint: the joint behind it.
-        numbers: (n + 1,) what is written at the start and after each block, in units of the last decimal; as long as
-            the axis is unknown, what it will first be.
-        written: (n,) where the word stands.
-    """
-
-    axis: AxisWord
-    joint: str
-    numbers: Ints
-    written: Mask
-
-    def steps(self, blocks: Ints) -> Floats:
-        """Change (m,) within the (m,) blocks, in written units."""
-        return (self.numbers[blocks + 1] - self.numbers[blocks]) / 10.0**self.axis.decimals
-
-    def check(self, limit: float) -> None:
-        """Refuse words beyond the largest magnitude, in written units."""
-        numbers = self.numbers[1:]
-        largest = limit * 10**self.axis.decimals
-        if max(numbers.max(), -numbers.min()) > largest:
-            block = int(np.argmax(np.abs(numbers) > largest))
-            value = numbers[block] / 10**self.axis.decimals
-            largest = f"{limit:.{self.axis.decimals}f}"
-            raise NotWritable(
-                f"block {block}: axis {self.joint} would be at {value:.3f} {self.axis.unit}, beyond the largest word "
-                f"of this control, {largest}; choose a control with longer words, or one that resets the tape's axis"
-            )
+    return b"".join([head, *_body(rows, columns, circles, controller, courses), last.encode("ascii")])
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,68 +120,6 @@ class _Rows:
     comments: Ints
 
 
-def _columns(trajectory: Trajectory, axes: Sequence[tuple[AxisWord, int]]) -> list[_Column]:
-    """Words of every axis; each axis comes with its column in the trajectory."""
-    count = len(trajectory)
-    numbers = [np.empty(count + 1, dtype=np.int64) for _ in axes]
-    # How many values are unknown, and where the last of them stands; they agree where only the beginning is unknown.
-    unknown, unknown_to = [0] * len(axes), [0] * len(axes)
-    for first in range(0, count + 1, CHUNK):
-        page = trajectory.positions[max(first - 1, 0) : first - 1 + CHUNK]
-        if first == 0:
-            page = np.vstack([trajectory.start, page])
-        gaps = bool(np.isnan(page.sum()))
-        for place, (axis, index) in enumerate(axes):
-            values = page[:, index] * (1e3 if axis.unit == "mm" else 180.0 / np.pi)
-            if gaps:
-                gap = np.flatnonzero(np.isnan(values))
-                values[gap] = 0.0
-                unknown[place] += len(gap)
-                unknown_to[place] = first + int(gap[-1]) + 1 if len(gap) else unknown_to[place]
-            try:
-                numbers[place][first : first + CHUNK] = rounded(values, axis.decimals)
-            except ValueError as error:
-                raise NotWritable(f"axis {trajectory.axes[index]}: {error}") from None
-    moving = _moving(trajectory)
-    return [
-        _column(axis, trajectory, index, numbers[place], unknown[place], unknown_to[place], moving)
-        for place, (axis, index) in enumerate(axes)
-    ]
-
-
-def _column(
-    axis: AxisWord, trajectory: Trajectory, index: int, numbers: Ints, unknown: int, unknown_to: int, moving: Mask
-) -> _Column:
-    """Words of one axis from its rounded numbers; of these the first `unknown` must be all that are unknown."""
-    joint = trajectory.axes[index]
-    if unknown != unknown_to:
-        gap = np.isnan(trajectory.positions[:, index])
-        first = int(np.argmin(np.isnan(np.append(trajectory.start[index], trajectory.positions[:, index]))))
-        block = first + int(np.argmax(gap[first:]))
-        raise NotWritable(f"block {block}: the position of axis {joint} is not a number, though it was known before")
-    stated = np.flatnonzero((trajectory.stated & np.uint16(1 << index)) > 0)
-    early = slice(0, max(unknown - 1, 0))
-    feeding = moving[early] & (trajectory.kinds[early] != Kind.RAPID)
-    used = [*np.flatnonzero(feeding).tolist(), *stated[stated < early.stop].tolist()]
-    if used:
-        raise NotWritable(f"block {min(used)}: axis {joint} is used before a rapid has stated it")
-    numbers[:unknown] = numbers[unknown] if unknown < len(numbers) else 0
-    written = numbers[1:] != numbers[:-1]
-    still = written & ~moving
-    if still.any():
-        raise NotWritable(f"block {int(np.argmax(still))}: axis {joint} changes in a block that is no motion")
-    written[stated[moving[stated]]] = True
-    # Nothing is stated until the text has stated it, whatever the trajectory says of its start.
-    written[early.stop + np.flatnonzero(moving[early.stop :])[:1]] = True
-    return _Column(axis, joint, numbers, written)
-
-
-def _moving(trajectory: Trajectory) -> Mask:
-    motions = np.zeros(256, dtype=bool)
-    motions[list(MOTIONS)] = True
-    return motions[trajectory.kinds]
-
-
 @dataclass(frozen=True, eq=False)
 class _Moves:
     """What the blocks' words do.
@@ -227,15 +141,15 @@ class _Moves:
     alone: bool
 
 
-def _moves(trajectory: Trajectory, columns: Sequence[_Column], controller: Controller) -> _Moves:
+def _moves(trajectory: Trajectory, columns: Sequence[Column], controller: Controller) -> _Moves:
     """What the blocks' words do; refuses what cannot be said in one block."""
     plain = [column for column in columns if not column.axis.word]
     outputs = [column for column in columns if column.axis.word]
     alone = any(column.axis.alone for column in outputs)
     count = len(trajectory)
-    written, moved = _any(count, (column.written for column in plain)), _any(count, (_moved(c) for c in plain))
-    put_out, turned = _any(count, (column.written for column in outputs)), _any(count, (_moved(c) for c in outputs))
-    feeding = _moving(trajectory) & (trajectory.kinds != Kind.RAPID)
+    written, moved = _any(count, (column.written for column in plain)), _any(count, (c.moved for c in plain))
+    put_out, turned = _any(count, (column.written for column in outputs)), _any(count, (c.moved for c in outputs))
+    feeding = moving(trajectory) & (trajectory.kinds != Kind.RAPID)
     still = feeding & ((written & ~moved) | (put_out & ~turned & ~moved))
     if still.any():
         raise NotWritable(
@@ -243,7 +157,7 @@ def _moves(trajectory: Trajectory, columns: Sequence[_Column], controller: Contr
         )
     if alone and np.any(moved & turned):
         block = int(np.argmax(moved & turned))
-        joint = next(column.joint for column in outputs if _moved(column)[block])
+        joint = next(column.joint for column in outputs if column.moved[block])
         raise NotWritable(
             f"block {block}: axis {joint} moves together with others, but controller {controller.name} moves it in "
             "blocks of its own; take it apart first"
@@ -259,15 +173,9 @@ def _any(count: int, masks: Iterable[Mask]) -> Mask:
     return found
 
 
-def _moved(column: _Column) -> Mask:
-    """Blocks (n,) in which an axis's rounded number changes."""
-    changed: Mask = column.numbers[1:] != column.numbers[:-1]
-    return changed
-
-
 def _times(trajectory: Trajectory, moves: _Moves, units: int) -> tuple[Floats, Ints]:
     """Durations (n,) of straight blocks in seconds with those of dropped blocks added, and dwells (n,) in units."""
-    bare = _moving(trajectory) & ~moves.written & ~moves.put_out
+    bare = moving(trajectory) & ~moves.written & ~moves.put_out
     waits = bare | (trajectory.kinds == Kind.DWELL)
     pauses = np.zeros(len(trajectory), dtype=np.int64)
     pauses[waits] = rounded(trajectory.durations[waits] * units, 0)
@@ -286,7 +194,9 @@ def _times(trajectory: Trajectory, moves: _Moves, units: int) -> tuple[Floats, I
     return durations, pauses
 
 
-def _feeds(feeding: Mask, durations: Floats, columns: Sequence[_Column], controller: Controller) -> Floats:
+def _feeds(
+    feeding: Mask, durations: Floats, columns: Sequence[Column], circles: arcs.Circles, controller: Controller
+) -> Floats:
     """Feed (n,) of each block that has one, by the control's rule; 0 elsewhere."""
     straight = np.flatnonzero(feeding)
     minutes = durations[straight] / 60.0
@@ -300,23 +210,42 @@ def _feeds(feeding: Mask, durations: Floats, columns: Sequence[_Column], control
     lengths = np.zeros(len(straight))
     for group in controller.feed.path:
         rest = np.flatnonzero(lengths == 0.0)
-        lengths[rest] = _norm([column for column in columns if column.axis.address in group], straight[rest])
+        lengths[rest] = _norm([column for column in columns if column.axis.address in group], straight[rest], circles)
     rest = np.flatnonzero(lengths == 0.0)
     if controller.feed.otherwise == "largest":
         lengths[rest] = np.maximum.reduce([np.abs(column.steps(straight[rest])) for column in columns])
     else:
-        lengths[rest] = _norm(columns, straight[rest])
+        lengths[rest] = _norm(columns, straight[rest], circles)
     feeds[straight] = lengths / minutes
     return feeds
 
 
-def _norm(columns: Sequence[_Column], blocks: Ints) -> Floats:
-    """Root (m,) of the summed squares of the axes' changes within the (m,) blocks."""
+def _norm(columns: Sequence[Column], blocks: Ints, circles: arcs.Circles) -> Floats:
+    """Root (m,) of the summed squares of the axes' changes within the (m,) blocks, along arcs instead of chords."""
     total = np.zeros(len(blocks))
+    circle = circles.of_block[blocks]
+    circular = np.flatnonzero(circle >= 0)
     for column in columns:
         steps = column.steps(blocks)
+        if len(circular) and column.joint in ("x", "y", "z"):
+            in_plane = np.any(circles.axes[circle[circular]] == "xyz".index(column.joint), axis=1)
+            steps[circular[in_plane]] = 0.0
         total += steps * steps
+    if len(circular) and {"x", "y", "z"} <= {column.joint for column in columns}:
+        total[circular] += circles.lengths[circle[circular]] ** 2
     return np.sqrt(total)
+
+
+def _check_events(trajectory: Trajectory, controller: Controller) -> None:
+    """Refuse events that the control has no word for."""
+    known = np.zeros(256, dtype=bool)
+    known[list(controller.event_words())] = True
+    missing = np.flatnonzero((trajectory.kinds == Kind.SWITCH) & ~known[trajectory.events])
+    if len(missing):
+        event = Event(int(trajectory.events[missing[0]])).name.lower()
+        raise NotWritable(
+            f"block {missing[0]}: controller {controller.name} has no word for {event}; add it to the table's events"
+        )
 
 
 def _starts(courses: np.ndarray) -> Ints:
@@ -325,7 +254,7 @@ def _starts(courses: np.ndarray) -> Ints:
     return np.flatnonzero((courses != before) & (courses >= 0))
 
 
-def _reset(column: _Column, starts: Ints) -> _Column:
+def _reset(column: Column, starts: Ints) -> Column:
     """Words of the tape's axis counted from each course's start."""
     epochs = np.cumsum(np.bincount(starts + 1, minlength=len(column.numbers)))
     known = np.flatnonzero(column.written)[:1]
@@ -360,7 +289,8 @@ def _layout(trajectory: Trajectory, moves: _Moves, pauses: Ints, units: int) -> 
 
 def _rows(
     trajectory: Trajectory,
-    columns: Sequence[_Column],
+    columns: Sequence[Column],
+    circles: arcs.Circles,
     layout: _Layout,
     feeds: Floats,
     starts: Ints,
@@ -380,6 +310,12 @@ def _rows(
     motions = np.flatnonzero(layout.plain)
     code = np.zeros(len(blocks), dtype=np.int64)
     code[motions] = np.where(trajectory.kinds[blocks[motions]] == Kind.RAPID, text(codes.rapid), text(codes.linear))
+    circle = np.where(layout.plain, circles.of_block[blocks], -1)
+    for plane, name in enumerate(PLANE_NAMES):
+        for clockwise, word in ((True, codes.clockwise), (False, codes.counterclockwise)):
+            chosen = np.append((circles.planes == plane) & (circles.clockwise == clockwise), False)
+            if chosen.any():
+                code[chosen[circle]] = text(f"{codes.planes[name]} {word}")
     code[motions[_same(epochs[motions], code[motions])]] = 0
     code[layout.pauses > 0] = text(codes.dwell)
     output_word = next((column.axis.word for column in columns if column.axis.word), "")
@@ -387,12 +323,6 @@ def _rows(
     switches = np.flatnonzero(trajectory.kinds[blocks] == Kind.SWITCH)
     at_rest = _at_rest(layout, trajectory.events[blocks], switches)
     for event in np.flatnonzero(np.bincount(trajectory.events[blocks[switches]])).tolist():
-        if Event(event) not in controller.event_words():
-            block = int(np.argmax((trajectory.kinds == Kind.SWITCH) & (trajectory.events == event)))
-            raise NotWritable(
-                f"block {block}: controller {controller.name} has no word for {Event(event).name.lower()}; "
-                "add it to the table's events"
-            )
         for resting in (False, True):
             here = (trajectory.events[blocks[switches]] == event) & (at_rest == resting)
             code[switches[here]] = text(controller.event_words(resting)[Event(event)])
@@ -411,7 +341,7 @@ def _rows(
     insert(0, controller.blocks.preamble)
     if len(starts) == 0 or starts[0] > 0:
         insert(0, controller.blocks.restated)
-    tape = next((column for column in columns if TAPE in column.axis.joints), None)
+    tape = next((column for column in columns if column.joint == TAPE), None)
     for start in starts.tolist():
         at = int(np.searchsorted(blocks, start))
         comments.append(at + len(before))
@@ -469,13 +399,13 @@ def _feed_digits(feeds: Floats, digits: int) -> tuple[Ints, Ints]:
 
 
 def _body(
-    rows: _Rows, columns: Sequence[_Column], controller: Controller, comments: Sequence[bytes]
+    rows: _Rows, columns: Sequence[Column], circles: arcs.Circles, controller: Controller, comments: Sequence[bytes]
 ) -> Iterator[bytes]:
     """Text of the rows with the courses' comments in their places, piece by piece."""
     remaining = iter(comments)
     for first in range(0, len(rows.codes), CHUNK):
         page = slice(first, min(first + CHUNK, len(rows.codes)))
-        cells = _page(rows, page, columns, controller)
+        cells = _page(rows, page, columns, circles, controller)
         text = join(page.stop - page.start, cells)
         longest = controller.blocks.max_line
         # The cells bound the length of a line; only where the bound is too long are the lines measured.
@@ -497,7 +427,7 @@ def _body(
 
 
 def _page(
-    rows: _Rows, page: slice, columns: Sequence[_Column], controller: Controller
+    rows: _Rows, page: slice, columns: Sequence[Column], circles: arcs.Circles, controller: Controller
 ) -> list[tuple[Ints | None, Cells]]:
     """Cells of a slice of the rows."""
     layout = rows.layout
@@ -516,13 +446,21 @@ def _page(
         if len(at):
             address = f" {column.axis.address}".encode("ascii")
             cells.append((at, words(address, column.numbers[blocks[at] + 1], column.axis.decimals)))
+    circle = np.where(layout.plain[page], circles.of_block[blocks], -1)
+    if circle.max() >= 0:
+        decimals = {column.joint: column.axis.decimals for column in columns}
+        for index, letter in enumerate(controller.arcs.offsets):
+            at = np.flatnonzero(circle >= 0)
+            at = at[np.any(circles.axes[circle[at]] == index, axis=1)]
+            address = f" {letter}".encode("ascii")
+            cells.append((at, words(address, circles.offsets[circle[at], index], decimals["xyz"[index]])))
     at = np.flatnonzero(pauses)
     if len(at):
         address = f" {controller.codes.dwell_address}".encode("ascii")
         cells.append((at, words(address, pauses[at], controller.codes.dwell_decimals)))
-    feeds, decimals = rows.feeds[page], rows.feed_decimals[page]
-    for digits in np.flatnonzero(np.bincount(decimals[feeds > 0])).tolist():
-        at = np.flatnonzero((feeds > 0) & (decimals == digits))
+    feeds, digits_of = rows.feeds[page], rows.feed_decimals[page]
+    for digits in np.flatnonzero(np.bincount(digits_of[feeds > 0])).tolist():
+        at = np.flatnonzero((feeds > 0) & (digits_of == digits))
         cells.append((at, words(f" {controller.feed.address}".encode("ascii"), feeds[at], digits)))
     for word in sorted({column.axis.word for column in columns} - {""}):
         cells.append(

@@ -170,10 +170,13 @@ class Arcs(_Table):
     Attributes:
         planes: planes in which the control interpolates circles while further axes move along; none: no arcs written.
         offsets: addresses of the centre, along x, y, z from the block's beginning.
+        tolerance_mm: how far the ends of the straight blocks may lie off the arc that replaces them; as far, in its own
+            unit, may another axis be off its proportion.
     """
 
     planes: Annotated[tuple[Plane, ...], Field(strict=False)]
     offsets: Annotated[tuple[Letter, Letter, Letter], Field(strict=False)] = ("I", "J", "K")
+    tolerance_mm: Annotated[float, Field(gt=0, le=0.1)] = 0.005
 
 
 class Controller(_Table):
