@@ -522,8 +522,8 @@ class _Reader:
             if not self._is_number(at):
                 self._refuse(
                     at,
-                    "expected a course number (a whole number from 1, of at most 9 digits) alone on its line before `start`, "
-                    f"got {self._got(at)}; give each course a number and close it with `end`",
+                    "expected a course number (a whole number from 1, of at most 9 digits) alone on its line before "
+                    f"`start`, got {self._got(at)}; give each course a number and close it with `end`",
                 )
             while at < len(self.lines) and not self._is_number(at) and not self._is(at, b"start"):
                 at += 1
