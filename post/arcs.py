@@ -102,15 +102,8 @@ def find(
 
 def _bent(way: Floats, others: Floats, flat: Mask, joined: Mask, tolerance: float) -> Mask:
     """Blocks (n,) that with the three after them have five points on one circle, truly bent, and go in proportion."""
-    count = len(flat)
-    bent = np.zeros(count, dtype=bool)
-    if count < LEAST_BLOCKS:
-        return bent
-    windows = count - LEAST_BLOCKS + 1
-    runs = flat[:windows].copy()
-    for ahead in range(1, LEAST_BLOCKS):
-        runs &= (flat & joined)[ahead : ahead + windows]
-    begins = np.flatnonzero(runs)
+    bent = np.zeros(len(flat), dtype=bool)
+    begins = _windows(flat, joined)
     p = [way[begins + step] for step in range(LEAST_BLOCKS + 1)]
     good = np.ones(len(begins), dtype=bool)
     for point in (p[1], p[3]):
@@ -122,6 +115,15 @@ def _bent(way: Floats, others: Floats, flat: Mask, joined: Mask, tolerance: floa
         good &= np.all(np.abs(others[begins + step] - others[begins] - share[:, None] * whole) <= tolerance, axis=1)
     bent[begins] = good
     return bent
+
+
+def _windows(flat: Mask, joined: Mask) -> Ints:
+    """Blocks that begin a run of as many as the least arc has."""
+    count = max(len(flat) - LEAST_BLOCKS + 1, 0)
+    runs = flat[:count].copy()
+    for ahead in range(1, LEAST_BLOCKS):
+        runs &= (flat & joined)[ahead : ahead + count]
+    return np.flatnonzero(runs)
 
 
 def _off_circle(a: Floats, b: Floats, c: Floats, points: Floats) -> Floats:
@@ -216,8 +218,10 @@ def merged(trajectory: Trajectory, columns: list[Column], controller: Controller
         # An arc turns no rotary axis, and takes no axis that the control does not interpolate.
         if column.axis.word or column.joint in FIXED:
             able &= ~column.moved
-    still = np.sum([~place[joint].moved for joint in "xyz"], axis=0)
-    if not np.any(able & (still > 0)):
+    joined = np.diff(trajectory.courses, prepend=-1) == 0
+    flat = {plane: able & ~place["xyz"[third]].moved for plane, (_, _, third) in PLANES.items()}
+    planes = [plane for plane in controller.arcs.planes if len(_windows(flat[plane], joined))]
+    if not planes:
         return trajectory, columns
     count = len(trajectory)
     found = find(
@@ -227,8 +231,8 @@ def merged(trajectory: Trajectory, columns: list[Column], controller: Controller
         ),
         times=np.concatenate([[0.0], np.cumsum(trajectory.durations)]),
         able=able,
-        joined=np.diff(trajectory.courses, prepend=-1) == 0,
-        planes=controller.arcs.planes,
+        joined=joined,
+        planes=planes,
         tolerance=controller.arcs.tolerance_mm,
     )
     if not len(found.firsts):
@@ -241,9 +245,9 @@ def merged(trajectory: Trajectory, columns: list[Column], controller: Controller
     durations, kinds = trajectory.durations.copy(), trajectory.kinds.copy()
     durations[found.lasts] = totals[found.lasts + 1] - totals[found.firsts]
     kinds[found.lasts] = np.where(found.clockwise, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)
-    planes = np.zeros(count, np.uint8) if trajectory.planes is None else trajectory.planes.copy()
+    plane_of = np.zeros(count, np.uint8) if trajectory.planes is None else trajectory.planes.copy()
     centres = np.full((count, 3), np.nan) if trajectory.centres is None else trajectory.centres.copy()
-    planes[found.lasts] = found.planes
+    plane_of[found.lasts] = found.planes
     begins = np.column_stack([place[joint].numbers[found.firsts] for joint in "xyz"])
     scales = np.array([10.0 ** place[joint].axis.decimals for joint in "xyz"])
     centres[found.lasts] = (begins / scales + found.centres) / 1e3
@@ -258,7 +262,7 @@ def merged(trajectory: Trajectory, columns: list[Column], controller: Controller
         stated=trajectory.stated[kept],
         lines=trajectory.lines[kept],
         centres=centres[kept],
-        planes=planes[kept],
+        planes=plane_of[kept],
     )
     circular = np.zeros(count, dtype=bool)
     circular[found.lasts] = True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -38,7 +39,7 @@ class Column:
         """Change (m,) within the (m,) blocks, in written units."""
         return (self.numbers[blocks + 1] - self.numbers[blocks]) / 10.0**self.axis.decimals
 
-    @property
+    @cached_property
     def moved(self) -> Mask:
         """Blocks (n,) in which the rounded number changes."""
         changed: Mask = self.numbers[1:] != self.numbers[:-1]

@@ -419,9 +419,9 @@ def _body(
                 )
         if not controller.blocks.number_step:
             text = text.replace(b"\n ", b"\n").replace(_COMMENT_MARK + b" ", _COMMENT_MARK).removeprefix(b" ")
-        pieces = text.split(_COMMENT_MARK)
-        yield pieces[0]
-        for piece in pieces[1:]:
+        first_piece, *others = text.split(_COMMENT_MARK) if _COMMENT_MARK in text else [text]
+        yield first_piece
+        for piece in others:
             yield next(remaining)
             yield piece
 
