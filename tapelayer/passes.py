@@ -275,10 +275,13 @@ class _Planner:
         exempt = _joined(creases(stations, normals, spot / 2, self.limit) + [-spot / 2, spot / 2])
         exempt = np.clip(exempt, stations[0], stations[-1])
         inner = exempt[(exempt > stations[0]) & (exempt < stations[-1])]
-        inner = inner[facets[np.searchsorted(stations, inner) - 1] != NO_FACET]
-        stations, points, facets, normals = _cut(stations, points, facets, normals, inner)
+        # Long facets get vertices, so that the gun can turn on them.
+        spacing = self.spray.max_point_spacing_mm * MM
+        further = np.append(inner, np.arange(stations[0] + spacing, stations[-1], spacing))
+        further = further[facets[np.searchsorted(stations, further) - 1] != NO_FACET]
+        stations, points, facets, normals = _cut(stations, points, facets, normals, further)
         free = _inside_intervals(stations, exempt)
-        smoothed = smooth(stations, normals, free, self.window, self.limit)
+        smoothed = smooth(stations, normals, free, self.window, spot / 2, self.limit)
         fixed = np.isin(stations, inner)
         fixed[:-1] |= facets == NO_FACET
         fixed[1:] |= facets == NO_FACET

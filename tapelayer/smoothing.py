@@ -12,15 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from tapelayer.arrays import Floats, Mask, frozen
+from tapelayer.arrays import Floats, Ints, Mask, frozen
 from tapelayer.wrist import angles_between
 
-# Shares of the full window that are tried; at none of it a vertex has the mean of the two normals beside it.
-_WINDOWS = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.0)
-# Share of the permitted deviation that smoothing takes where a narrower window needs less: the rest is the wrist's.
+# Share of the permitted deviation that smoothing takes where the facets do not need more: the rest is the wrist's.
 _SMOOTHING_SHARE = 0.5
+# What smoothing leaves to the wrist in any case where one direction can serve all facets near by, radians.
+_LEFT = math.radians(1.5)
 # Share of the full window that stays at the ends of a section, where it has only one side.
 _END_SHARE = 0.25
+# Times that directions are brought near to their facets' normals and averaged again.
+_ROUNDS = 8
 # A point is kept where the gun's direction would be off by more without it.
 NORMAL_TOLERANCE = math.radians(0.5)
 
@@ -56,68 +58,101 @@ def creases(stations: Floats, normals: Floats, reach: float, limit: float) -> Fl
     """
     real = np.flatnonzero(np.isfinite(normals[:, 0]))
     begins, ends, normals = stations[real], stations[real + 1], normals[real]
-    nearest = np.full(len(real), -1)
-    widest = np.zeros(len(real))
-    for apart in range(1, len(real)):
-        near = begins[apart:] - ends[:-apart] <= reach
-        if not np.any(near):
-            break
-        angles = np.where(near, angles_between(normals[apart:], normals[:-apart]), 0.0)
-        widest[apart:] = np.maximum(widest[apart:], angles)
-        found = (angles > 2 * limit) & (nearest[apart:] < 0)
-        nearest[apart:][found] = np.flatnonzero(found)
+    widest, nearest = _pairs(begins, ends, normals, reach, 2 * limit)
     # Three normals or more may lack a direction that every two of them have, but only where two are this far apart.
     doubtful = (nearest < 0) & (widest > 2 * math.asin(math.sin(limit) * math.sqrt(3) / 2) - 1e-12)
     for last in np.flatnonzero(doubtful):
         first = int(np.searchsorted(ends, begins[last] - reach))
-        while first < last and enclosing_angle(normals[first : last + 1]) > limit:
+        while first < last and enclosing(normals[first : last + 1])[1] > limit:
             nearest[last] = first
             first += 1
-    before = np.maximum.accumulate(np.append(-1, nearest[:-1])) if len(nearest) else nearest
+    before = np.maximum.accumulate(np.append(-1, nearest))[:-1]
     shortest = np.flatnonzero(nearest > before)
     return np.column_stack([ends[nearest[shortest]], begins[shortest]])
 
 
-def enclosing_angle(normals: Floats) -> float:
-    """Least angle in radians within which one direction meets all unit normals (m, 3), all of one half space.
+def enclosing(normals: Floats) -> tuple[Floats, float]:
+    """The direction (3,) whose greatest angle to unit normals (m, 3) of one half space is least, and that angle.
 
-    With d of least length such that n d >= 1 for every n, the angle is acos(1 / |d|): least distance programming
-    (Lawson and Hanson, Solving Least Squares Problems, 23.4).
+    It is that of the shortest d with n d >= 1 for every n: least distance programming (Lawson and Hanson, Solving
+    Least Squares Problems, 23.4).
     """
     system = np.vstack([normals.T, np.ones(len(normals))])
     target = np.array([0.0, 0.0, 0.0, 1.0])
     residual = system @ nnls(system, target)[0] - target
-    return math.atan2(
-        math.sqrt(max(float(residual[:3] @ residual[:3]) - float(residual[3]) ** 2, 0.0)), abs(float(residual[3]))
-    )
+    direction = -np.sign(residual[3]) * residual[:3] / np.linalg.norm(residual[:3])
+    return direction, float(np.max(angles_between(direction, normals)))
 
 
-def smooth(stations: Floats, normals: Floats, exempt: Mask, window: float, limit: float) -> Smoothed:
-    """The gun's direction: the mean normal of a window round each vertex, narrower where the facets need it.
+def smooth(stations: Floats, normals: Floats, exempt: Mask, window: float, reach: float, limit: float) -> Smoothed:
+    """The gun's direction: the mean normal of a window round each vertex, as near to the facets as they let it be.
+
+    Within half the limit of the normals beside each vertex, or, where facets within `reach` are farther apart, within
+    what one direction for all of them needs. Where the mean is farther off it is brought as near, and its surroundings
+    are averaged again, so that the gun turns ahead of such a place and not at it.
 
     Args:
         stations: (n,) arc lengths of the vertices, metres, not decreasing.
         normals: (n - 1, 3) unit normals of the stretches, NaN where there is none.
-        exempt: (n,) vertices near a crease, where no window is too wide.
+        exempt: (n,) vertices near a crease, where no deviation counts.
         window: full width, metres.
+        reach: metres within which facets are looked at together, as in `creases`.
         limit: greatest angle between the gun and a facet's normal, radians.
     """
     edge = np.minimum(stations - stations[0], stations[-1] - stations)
     full = np.minimum(window, np.maximum(2 * edge, _END_SHARE * window))
-    candidates = [_means(stations, normals, share * full) for share in _WINDOWS]
-    deviations = np.stack([_deviations(candidate, normals) for candidate in candidates])
-    fits = (deviations <= _SMOOTHING_SHARE * limit) | exempt
-    best = np.argmin(deviations, axis=0)
-    chosen = np.where(np.any(fits, axis=0), np.argmax(fits, axis=0), best)
-    widths = np.array(_WINDOWS)[chosen] * full
-    # A window that grows no faster than it moves: the direction has no jumps but those of the facets.
-    widths = np.minimum.accumulate(widths - 2 * stations) + 2 * stations
-    widths = np.minimum.accumulate((widths + 2 * stations)[::-1])[::-1] - 2 * stations
-    means = _means(stations, normals, np.maximum(widths, 0.0))
-    off = _deviations(means, normals)
-    worse = ~exempt & (off > _SMOOTHING_SHARE * limit) & (off > deviations[best, np.arange(len(stations))])
-    means[worse] = np.stack(candidates)[best[worse], worse]
-    return Smoothed(means, _deviations(means, normals))
+    means = _means(stations, normals, full)
+    # At a section's end, or beside a gap, one facet stands for both.
+    ahead, behind = np.vstack([normals, normals[-1:]]), np.vstack([normals[:1], normals])
+    ahead, behind = (np.where(np.isnan(one), other, one) for one, other in ((ahead, behind), (behind, ahead)))
+    radii = np.where(exempt, np.inf, _radii(stations, normals, reach, limit))
+    for turn in range(_ROUNDS + 1):
+        off = np.maximum(angles_between(means, ahead), angles_between(means, behind))
+        far = np.flatnonzero(off > radii)
+        if not len(far):
+            break
+        means[far] = brought_near(means[far], behind[far], ahead[far], radii[far])
+        if turn < _ROUNDS:
+            low = np.searchsorted(stations, stations[far] - window / 2)
+            high = np.searchsorted(stations, stations[far] + window / 2, "right")
+            changes = np.bincount(low, minlength=len(stations) + 1) - np.bincount(high, minlength=len(stations) + 1)
+            near = np.cumsum(changes)[:-1] > 0
+            means[near] = _averaged(stations, means, full / 2)[near]
+    return Smoothed(means, np.maximum(angles_between(means, ahead), angles_between(means, behind)))
+
+
+def brought_near(directions: Floats, first: Floats, second: Floats, limits: Floats) -> Floats:
+    """The direction (n, 3) nearest to each one that is within the limit of both of its normals, all unit (n, 3).
+
+    Between normals that are more than twice the limit apart, the one in the middle.
+
+    Args:
+        directions: each beyond the limit of one of its normals or of both.
+        first: one normal of each.
+        second: the other one.
+        limits: (n,) greatest angles in radians.
+    """
+    cosine = np.clip(np.einsum("ij,ij->i", first, second), -1.0, 1.0)[:, None]
+    middle = (first + second) / np.linalg.norm(first + second, axis=1)[:, None]
+    # Where the circles round both normals meet: height above and distance along their common great circle.
+    height = np.cos(limits)[:, None] / (1.0 + cosine)
+    cross = np.cross(first, second)
+    square = np.sum(cross**2, axis=1)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = cross * np.sqrt((1.0 - 2.0 * height**2 * (1.0 + cosine)) / square)
+    found = np.stack(
+        [
+            _turned_to(directions, first, limits),
+            _turned_to(directions, second, limits),
+            height * (first + second) + along,
+            height * (first + second) - along,
+        ]
+    )
+    angles = np.maximum(angles_between(found, first), angles_between(found, second))
+    ways = np.where(angles <= limits + 1e-9, angles_between(found, directions), np.inf)
+    nearest = found[np.argmin(ways, axis=0), np.arange(len(directions))]
+    chosen: Floats = np.where(np.all(np.isinf(ways), axis=0)[:, None], middle, nearest)
+    return chosen
 
 
 def kept(stations: Floats, points: Floats, normals: Floats, fixed: Mask, chord: float) -> Mask:
@@ -153,24 +188,70 @@ def kept(stations: Floats, points: Floats, normals: Floats, fixed: Mask, chord: 
     return remain
 
 
+def _pairs(begins: Floats, ends: Floats, normals: Floats, reach: float, apart: float) -> tuple[Floats, Ints]:
+    """Widest angle (m,) of each facet's normal to one within reach, and the nearest facet (m,) before it that is apart.
+
+    Args:
+        begins: (m,) arc lengths in metres.
+        ends: (m,) arc lengths in metres.
+        normals: (m, 3) unit normals.
+        reach: metres from the end of a facet to the beginning of another.
+        apart: angle in radians beyond which two normals are apart; -1 stands for no such facet.
+    """
+    widest, nearest = np.zeros(len(begins)), np.full(len(begins), -1)
+    for step in range(1, len(begins)):
+        near = begins[step:] - ends[:-step] <= reach
+        if not np.any(near):
+            break
+        angles = np.where(near, angles_between(normals[step:], normals[:-step]), 0.0)
+        widest[step:] = np.maximum(widest[step:], angles)
+        widest[:-step] = np.maximum(widest[:-step], angles)
+        found = np.flatnonzero((angles > apart) & (nearest[step:] < 0))
+        nearest[step + found] = found
+    return widest, nearest
+
+
+def _radii(stations: Floats, normals: Floats, reach: float, limit: float) -> Floats:
+    """Angle (n,) within which the direction at each vertex stays of the normals beside it, radians."""
+    real = np.flatnonzero(np.isfinite(normals[:, 0]))
+    halves = np.zeros(len(normals))
+    halves[real] = _pairs(stations[real], stations[real + 1], normals[real], reach, math.inf)[0] / 2
+    needed = np.maximum(np.append(halves, 0.0), np.append(0.0, halves))
+    radii: Floats = np.clip(needed, _SMOOTHING_SHARE * limit, max(limit - _LEFT, _SMOOTHING_SHARE * limit))
+    return radii
+
+
 def _means(stations: Floats, normals: Floats, widths: Floats) -> Floats:
-    """Unit mean (n, 3) of the normals in windows of (n,) metres round the vertices; of none, of the two beside."""
-    real = np.isfinite(normals[:, :1])
-    weighted = np.where(real, normals, 0.0)
-    total = np.zeros((len(stations), 3))
-    np.cumsum(weighted * np.diff(stations)[:, None], axis=0, out=total[1:])
+    """Unit mean (n, 3) of the normals of the stretches in windows of (n,) metres round the vertices."""
+    weighted = np.nan_to_num(normals) * np.diff(stations)[:, None]
+    total = np.vstack([np.zeros(3), np.cumsum(weighted, axis=0)])
+    return _unit(_over(stations, total, widths))
+
+
+def _averaged(stations: Floats, directions: Floats, widths: Floats) -> Floats:
+    """Unit mean (n, 3) of directions that go straight from vertex to vertex, in windows of (n,) metres."""
+    between = (directions[1:] + directions[:-1]) / 2 * np.diff(stations)[:, None]
+    total = np.vstack([np.zeros(3), np.cumsum(between, axis=0)])
+    return _unit(_over(stations, total, widths))
+
+
+def _over(stations: Floats, total: Floats, widths: Floats) -> Floats:
+    """Difference (n, 3) of a running total (n, 3) over windows of (n,) metres."""
     low, high = stations - widths / 2, stations + widths / 2
-    means = np.stack([np.interp(high, stations, column) - np.interp(low, stations, column) for column in total.T], 1)
-    beside = np.vstack([weighted, np.zeros(3)]) + np.vstack([np.zeros(3), weighted])
-    # So narrow a window differs by rounding alone.
-    narrow = np.linalg.norm(means, axis=1) < 1e-9
-    means = np.where(narrow[:, None], beside, means)
-    unit: Floats = means / np.linalg.norm(means, axis=1)[:, None]
+    return np.stack([np.interp(high, stations, column) - np.interp(low, stations, column) for column in total.T], 1)
+
+
+def _unit(vectors: Floats) -> Floats:
+    unit: Floats = vectors / np.linalg.norm(vectors, axis=1)[:, None]
     return unit
 
 
-def _deviations(means: Floats, normals: Floats) -> Floats:
-    """Greater angle (n,) of each direction (n, 3) to the normals of the two stretches beside it, radians."""
-    before, after = angles_between(means[1:], normals), angles_between(means[:-1], normals)
-    greater: Floats = np.fmax(np.append(0.0, before), np.append(after, 0.0))
-    return greater
+def _turned_to(directions: Floats, normals: Floats, limits: Floats) -> Floats:
+    """Each direction (n, 3) turned towards its normal (n, 3) until it is within its limit (n,), radians."""
+    cosine = np.einsum("ij,ij->i", directions, normals)[:, None]
+    across = directions - cosine * normals
+    length = np.linalg.norm(across, axis=1)[:, None]
+    near = np.arctan2(length, cosine) <= limits[:, None]
+    turned = np.cos(limits)[:, None] * normals + np.sin(limits)[:, None] * across / np.where(near, 1.0, length)
+    nearest: Floats = np.where(near, directions, turned)
+    return nearest

@@ -22,7 +22,6 @@ from tapelayer.setup import MM
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.spray_verification import Sprayed, SprayInspector
 from tapelayer.spraying import AXES, Spraying, spray
-from tapelayer.trajectory import Trajectory
 from urdf import SPRAYER
 
 if TYPE_CHECKING:
