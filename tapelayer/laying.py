@@ -176,6 +176,9 @@ class _Program:
         if course and tape.rolls[course] != tape.rolls[course - 1]:
             self._feed(stroke, changing, float(tape.roll_u[tape.rolls[course]]))
             stroke.switch(Event.STOP, 0.0)
+            # The control stops for as long as it takes: no word for what follows may stand before.
+            self._add(stroke, course, 0, 0)
+            stroke = Stroke.begun(stroke.at)
         self._feed(stroke, threading, float(tape.threaded[course]))
         self._feed(stroke, threading[1:].repeat(2), float(tape.begins[course]))
 
@@ -327,7 +330,7 @@ class _Program:
                 stroke.switch(Event.HEATER_ON, self.heater_delay, int(end))
         rows = stroke.rows(times)
         stated = np.zeros(len(rows.kinds), np.int64)
-        if self._sweeping(course):
+        if self.parts[-1][1] != course:
             # Without rapids the first block that moves by a written digit states every axis.
             moves = np.max(np.abs(np.diff(rows.joints, axis=0, prepend=self.at[None])), axis=1) > WRITTEN_MOVE
             stated[np.argmax(moves)] = self.every_axis
