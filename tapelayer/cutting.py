@@ -188,14 +188,16 @@ def _matched(
             failures.append(Failure(0, 0, f"knife_{sweep.knife}_off_every_cut_mm", off, STRAY / MM, line_number))
             continue
         found.setdefault(int(near[int(np.argmin(offs))]), []).append(sweep)
+    fed = trajectory.positions[:, trajectory.column("u")]
     made = []
     for index, line in enumerate(lines):
         owner = line.ending if line.ending >= 0 else line.starting
         course, point = courses[owner].number, courses[owner].points if line.ending >= 0 else 1
         by = found.get(index, [])
         if len(by) != 1:
-            row = int(trajectory.lines[by[1].row]) if by else 0
-            failures.append(Failure(course, point, "cuts_made", len(by), 1, row))
+            # Where it is made again, or where the tape goes by without it.
+            block = by[1].row if by else int(np.argmax(fed >= line.station))
+            failures.append(Failure(course, point, "cuts_made", len(by), 1, int(trajectory.lines[block])))
             continue
         sweep = by[0]
         row = int(trajectory.lines[sweep.row])

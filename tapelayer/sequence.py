@@ -139,8 +139,9 @@ class _Judge:
 
     def heater(self) -> None:
         """The heater is on from a course's start to its end, but for stops longer than it may be."""
-        begins, ends = self._rests()
-        needed, allowed = (ends - begins > self.heater_stop + slack for slack in (HEATER_TIME, -HEATER_TIME))
+        begins, ends, sure = self._rests()
+        allowed = ends - begins > self.heater_stop - HEATER_TIME
+        needed = sure & (ends - begins > self.heater_stop + HEATER_TIME)
         for event, name, courses, rests in (
             (Event.HEATER_ON, "heater_on", [course.begin for course in self.courses], ends),
             (Event.HEATER_OFF, "heater_off", [course.end for course in self.courses], begins),
@@ -165,18 +166,23 @@ class _Judge:
         ends = [course.end for course in self.courses]
         return min(int(np.searchsorted(ends, time)), len(ends) - 1)
 
-    def _rests(self) -> tuple[Floats, Floats]:
-        """Seconds (r,) at which the tape comes to rest while courses are laid, and (r,) at which it goes on."""
-        times, begins, ends = self.trajectory.times, [np.zeros(0)], [np.zeros(0)]
+    def _rests(self) -> tuple[Floats, Floats, Mask]:
+        """Seconds (r,) at which the tape comes to rest while courses are laid, and (r,) at which it goes on.
+
+        Tape that creeps can seem to rest where its words are rounded: False (r,) where it creeps before or after.
+        """
+        trajectory, rests = self.trajectory, [np.zeros((3, 0))]
         for course in self.courses:
-            first, last = np.searchsorted(times, [course.begin, course.end], side="right")
-            rows = np.arange(first, min(last + 1, len(times)))
-            still = self.trajectory.positions[rows, self.u] == self.trajectory.begins(rows)[:, self.u]
-            edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
-            borders = np.minimum(np.append(course.begin, times[rows]), course.end)
-            begins.append(borders[edges[::2]])
-            ends.append(borders[edges[1::2]])
-        return np.concatenate(begins), np.concatenate(ends)
+            first, last = np.searchsorted(trajectory.times, [course.begin, course.end], side="right")
+            rows = np.arange(first, min(last + 1, len(trajectory)))
+            fed = np.abs(trajectory.positions[rows, self.u] - trajectory.begins(rows)[:, self.u])
+            creeps = (fed > 0.0) & (fed * HEATER_TIME < self.digits[self.u] * trajectory.durations[rows])
+            creeps = np.concatenate([[False], creeps, [False]])
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], (fed == 0.0).astype(np.int8), [0]]))).reshape(-1, 2).T
+            borders = np.minimum(np.append(course.begin, trajectory.times[rows]), course.end)
+            rests.append(np.vstack([borders[edges], ~(creeps[edges[0]] | creeps[edges[1] + 1])]))
+        begins, ends, sure = np.hstack(rests)
+        return begins, ends, sure > 0.0
 
     def gaps(self) -> Iterable[_Gap]:
         """What stands before, between and after the layings."""
@@ -207,10 +213,10 @@ class _Judge:
         """The auxiliary roller goes down behind the course's start and up behind its end, each by its lag."""
         laid = self.courses[gap.behind]
         first, last = np.searchsorted(self.samples.courses, [gap.behind, gap.behind + 1])
-        # The roller's path, over times: along the course, then along the run-out.
-        along = (gap.centres - gap.centres[0]) @ laid.out
+        # How far the roller has come, over times: along the course, then beyond its end.
+        beyond = np.linalg.norm(gap.centres - gap.centres[0], axis=1)
         times = np.append(self.samples.times[first:last], gap.times)
-        path = np.append(self.samples.arc_lengths[first:last], self.samples.arc_lengths[last - 1] + along)
+        path = np.append(self.samples.arc_lengths[first:last], self.samples.arc_lengths[last - 1] + beyond)
         following = self.courses[gap.behind + 1].begin if gap.behind + 1 < len(self.courses) else np.inf
         for event, name, place in (
             (Event.ROLLER_DOWN, "down", min(self.lag, laid.length + self.run_out_length)),
