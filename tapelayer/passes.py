@@ -7,35 +7,23 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tapelayer.arrays import Floats, Ints, Mask, frozen
 from tapelayer.errors import NothingToSpray
 from tapelayer.machine import Machine
 from tapelayer.mesh import Mesh
+from tapelayer.reach import SAME_POINT, Reach, Segments
 from tapelayer.setup import DEG, MM
-from tapelayer.slicing import (
-    Sections,
-    areas_from_above,
-    plane_direction,
-    plane_heights,
-    slice,
-    strip_widths,
-    upper_envelope,
-)
+from tapelayer.slicing import areas_from_above, plane_direction, plane_heights
 from tapelayer.smoothing import NORMAL_TOLERANCE, Smoothed, creases, kept, smooth
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.toolpath import Toolpath
-from tapelayer.wrist import Wrist, reachable
+from tapelayer.wrist import reachable
 
 # No facet: a gap that is bridged, or beyond the surface's edge.
 NO_FACET = -1
 # What planning leaves of the permitted deviation to the way between two points, where nothing else is exact.
 LEAN_MARGIN = NORMAL_TOLERANCE
-# Two points nearer to each other are one, metres.
-SAME_POINT = 1e-12
-# Metres by which rounding may bring a point beyond the travel.
-ROUNDING = 1e-9
 # Strips of a pitch in which areas are measured.
 _AREA_STRIPS = 5
 
@@ -104,34 +92,6 @@ class Plan:
     travel: float
 
 
-def placement(mesh: Mesh, setup: SpraySetup, machine: Machine) -> tuple[Floats, Floats]:
-    """Rotation (3, 3) and origin (3,) in metres that bring the part's frame into `machine`: rotation p + origin."""
-    turn = setup.part.rotation_deg * DEG
-    rotation = Rotation.from_euler("z", turn).as_matrix()
-    vertices = mesh.vertices @ rotation.T
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    origin = []
-    for column, value in enumerate((setup.part.x_mm, setup.part.y_mm, setup.part.z_mm)):
-        axis = machine.axis("xyz"[column])
-        if value != "auto":
-            origin.append(float(value) * MM)
-        elif axis.name == "z":
-            origin.append(max(axis.lower, 0.0) - low[column])
-        else:
-            origin.append((axis.lower + axis.upper - low[column] - high[column]) / 2)
-    return rotation, np.array(origin)
-
-
-def placed(mesh: Mesh, rotation: Floats, origin: Floats) -> Mesh:
-    """The mesh in `machine`."""
-    return replace(mesh, vertices=mesh.vertices @ rotation.T + origin)
-
-
-def wrist_of(setup: SpraySetup, machine: Machine) -> Wrist:
-    """What the gun's direction may do."""
-    return Wrist(machine.axis("theta"), machine.axis("phi"), setup.speed, setup.max_deviation)
-
-
 def plan_passes(mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -> Plan:
     """Passes over what of a surface is seen from above and can be reached.
 
@@ -157,42 +117,20 @@ def plan_passes(mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -
     return Plan(tuple(passes), seen.seen - beyond, seen.facing, seen.hidden, beyond)
 
 
-@dataclass(frozen=True, eq=False)
-class _Segments:
-    """Pieces of sections inside the travel, in the order of planes and of travel.
-
-    Attributes:
-        begins: (n, 3) metres.
-        ends: (n, 3) metres.
-        facets: (n,) facet of each.
-        planes: (n,) plane of each.
-    """
-
-    begins: Floats
-    ends: Floats
-    facets: Ints
-    planes: Ints
-
-
 class _Planner:
     """Plans layer by layer; what lies beyond the travel is measured in the first layer."""
 
     def __init__(self, mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -> None:
-        self.mesh, self.spray, self.pitch = mesh, setup.spray, pitch
-        self.normals = mesh.upward_normals
+        self.reach, self.spray, self.pitch = Reach(mesh, setup, machine), setup.spray, pitch
         self.window, self.limit = setup.smoothing, setup.max_deviation
-        axes = [machine.axis(name) for name in "xyz"]
-        self.box = np.array([[axis.lower for axis in axes], [axis.upper for axis in axes]])
-        self.wrist = wrist_of(setup, machine)
-        self.turnable = reachable(self.wrist, self.normals, np.full(len(self.normals), self.limit))
         self.beyond_share = 0.0
 
     def passes(self) -> list[Pass]:
         """Passes of all layers, numbered; what smoothing leaves no lean to be reached with is given up, and again."""
         while True:
-            turnable = self.turnable.copy()
+            facets = self.reach.facets.copy()
             found = [one for layer in range(self.spray.layers) for one in self._layer(layer)]
-            if np.array_equal(turnable, self.turnable):
+            if np.array_equal(facets, self.reach.facets):
                 return [replace(one, path=replace(one.path, number=number)) for number, one in enumerate(found, 1)]
 
     def travel(self, layer: int) -> float:
@@ -203,11 +141,9 @@ class _Planner:
         """Passes of a layer in order."""
         direction = plane_direction(self.travel(layer))
         heights = self._heights(layer, direction)
-        sections = upper_envelope(self.mesh, slice(self.mesh, direction, heights), self.spray.min_normal_z)
-        segments, lost = self._inside(sections)
+        segments, beyond_share = self.reach.segments(direction, heights)
         if layer == 0:
-            total = float(sections.lengths @ self._widths(sections))
-            self.beyond_share = lost / total if total else 0.0
+            self.beyond_share = beyond_share
         gaps = np.linalg.norm(segments.begins[1:] - segments.ends[:-1], axis=1)
         apart = (np.diff(segments.planes) != 0) | ~(gaps <= self.spray.max_gap_mm * MM)
         starts = np.append(0, np.flatnonzero(apart) + 1) if len(segments.planes) else np.zeros(0, dtype=np.int64)
@@ -226,51 +162,20 @@ class _Planner:
 
     def _heights(self, layer: int, direction: Floats) -> Floats:
         """Heights (p,) of a layer's planes, between those of the last layer along the same lines."""
-        heights = plane_heights(self.mesh, direction, self.pitch)
+        heights = plane_heights(self.reach.mesh, direction, self.pitch)
         angles = [math.cos(2 * (self.travel(other) - self.travel(layer))) for other in range(layer)]
         shift = (sum(angle > 1.0 - 1e-9 for angle in angles) * self.spray.layer_shift) % 1.0
         if not shift:
             return heights
         shifted = np.append(heights[0] - self.pitch, heights) + shift * self.pitch
-        reach = self.mesh.vertices @ direction
-        inside: Floats = shifted[(shifted > reach.min()) & (shifted < reach.max())]
+        extent = self.reach.mesh.vertices @ direction
+        inside: Floats = shifted[(shifted > extent.min()) & (shifted < extent.max())]
         return inside
 
-    def _widths(self, sections: Sections) -> Floats:
-        """Width (s,) on the surface of the strip round each segment, metres."""
-        widths: Floats = strip_widths(self.normals[sections.facets[sections.segments]], sections.direction, self.pitch)
-        return widths
-
-    def _inside(self, sections: Sections) -> tuple[_Segments, float]:
-        """What of the sections P can go along, and the area of the rest in square metres."""
-        rows = sections.segments
-        begins, ends, facets = sections.points[rows], sections.points[rows + 1], sections.facets[rows]
-        ways = ends - begins
-        room = self.box + [[-ROUNDING], [ROUNDING]]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            shares = (room[:, None, :] - begins) / ways
-        # Along an axis in which it does not move, a segment is inside all the way or not at all.
-        within = (begins >= room[0]) & (begins <= room[1])
-        still = ways == 0.0
-        shares[0] = np.where(still, np.where(within, -np.inf, np.inf), shares[0])
-        shares[1] = np.where(still, np.inf, shares[1])
-        first = np.maximum(np.max(np.minimum(shares[0], shares[1]), axis=1), 0.0)
-        last = np.minimum(np.min(np.maximum(shares[0], shares[1]), axis=1), 1.0)
-        inside = ((last - first) * sections.lengths > SAME_POINT) & self.turnable[facets]
-        remaining = np.where(inside, last - first, 0.0)
-        lost = float(np.sum((1.0 - remaining) * sections.lengths * self._widths(sections)))
-        segments = _Segments(
-            begins=np.where((first > 0.0)[:, None], begins + first[:, None] * ways, begins)[inside],
-            ends=np.where((last < 1.0)[:, None], begins + last[:, None] * ways, ends)[inside],
-            facets=facets[inside],
-            planes=np.repeat(sections.planes, np.diff(sections.offsets) - 1)[inside],
-        )
-        return segments, lost
-
-    def _pass(self, segments: _Segments, first: int, last: int, direction: Floats) -> Pass:
+    def _pass(self, segments: Segments, first: int, last: int, direction: Floats) -> Pass:
         """One pass over the segments from `first` to before `last`, with gaps bridged and its ends overrun."""
         stations, points, facets = _polyline(segments, first, last)
-        normals = np.where((facets == NO_FACET)[:, None], np.nan, self.normals[facets])
+        normals = np.where((facets == NO_FACET)[:, None], np.nan, self.reach.normals[facets])
         spot = self.spray.spot_mm * MM
         exempt = _joined(creases(stations, normals, spot / 2, self.limit) + [-spot / 2, spot / 2])
         exempt = np.clip(exempt, stations[0], stations[-1])
@@ -321,7 +226,7 @@ class _Planner:
         for row, sign in ((0, -1.0), (-1, 1.0)):
             tangent = sign * np.cross(direction, normals[row])
             tangent /= np.linalg.norm(tangent)
-            reach = min(self.spray.overrun_mm * MM, _reach(self.box, points[row], tangent))
+            reach = min(self.spray.overrun_mm * MM, _room(self.reach.box, points[row], tangent))
             ends.append((reach, points[row] + reach * tangent))
         (lead, begin), (out, end) = ends
         points = np.vstack([begin, points, end])
@@ -335,11 +240,11 @@ class _Planner:
         )
         bounds, facets = np.concatenate([[0.0], bounds + lead, [places[-1]]]), np.concatenate([[-1], facets, [-1]])
         real = np.append(np.diff(bounds) > 0.0, True)
-        lost = places[~reachable(self.wrist, normals, leans)]
+        lost = places[~reachable(self.reach.wrist, normals, leans)]
         given_up = facets[np.clip(np.searchsorted(bounds, lost), 2, len(facets) - 1) - 1]
-        self.turnable[given_up[given_up != NO_FACET]] = False
+        self.reach.facets[given_up[given_up != NO_FACET]] = False
         return Pass(
-            path=Toolpath(1, np.clip(points, *self.box), normals, places),
+            path=Toolpath(1, np.clip(points, *self.reach.box), normals, places),
             leans=leans,
             facets=facets[real[:-1]],
             bounds=np.append(bounds[:-1][real[:-1]], bounds[-1]),
@@ -350,7 +255,7 @@ class _Planner:
         )
 
 
-def _polyline(segments: _Segments, first: int, last: int) -> tuple[Floats, Floats, Ints]:
+def _polyline(segments: Segments, first: int, last: int) -> tuple[Floats, Floats, Ints]:
     """Arc lengths (n,), vertices (n, 3) and facets (n - 1,) of a chain of segments with its gaps bridged."""
     begins, ends = segments.begins[first:last], segments.ends[first:last]
     points = np.stack([begins, ends], axis=1).reshape(-1, 3)
@@ -398,7 +303,7 @@ def _inside_intervals(stations: Floats, intervals: Floats) -> Mask:
     return inside
 
 
-def _reach(box: Floats, point: Floats, tangent: Floats) -> float:
+def _room(box: Floats, point: Floats, tangent: Floats) -> float:
     """Metres that P can go on from a point (3,) along a tangent (3,) inside the travel (2, 3)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         rooms = np.where(tangent > 0, (box[1] - point) / tangent, (box[0] - point) / tangent)

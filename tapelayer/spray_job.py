@@ -15,9 +15,10 @@ from post.controllers import Controller, load
 from tapelayer.arrays import Floats
 from tapelayer.machine import Machine
 from tapelayer.mesh import Mesh, Unit, read_mesh
-from tapelayer.passes import Plan, placed, placement, plan_passes
+from tapelayer.passes import Plan, plan_passes
 from tapelayer.progress import Tick, silent
 from tapelayer.provenance import Provenance
+from tapelayer.reach import placed, placement
 from tapelayer.setup import MM
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.spray_verification import Sprayed, SprayInspector

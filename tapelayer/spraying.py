@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from tapelayer.arrays import Floats, Ints, frozen
 from tapelayer.machine import Machine
-from tapelayer.passes import Pass, wrist_of
+from tapelayer.passes import Pass
 from tapelayer.progress import Tick, silent
+from tapelayer.reach import wrist_of
 from tapelayer.setup import MM
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.trajectory import Event, Kind, Trajectory
