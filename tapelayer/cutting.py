@@ -92,22 +92,22 @@ def judge_cuts(
         machine: the gantry.
     """
     edges = _roll_edges(trajectory, courses)
-    fresh = [not index or edge > edges[index - 1] for index, edge in enumerate(edges)]
+    fresh = [not index or edges[index + 1] > edges[index] for index in range(len(courses))]
     lines = _lines(courses, fresh, setup)
     sweeps = _sweeps(trajectory, setup, machine)
     made, failures = _matched(trajectory, courses, lines, sweeps, setup)
     rows, overlaps = _ledger(trajectory, courses, fresh, edges, lines, made, setup)
     failures += [*overlaps, *_rolls(trajectory, setup, machine)]
-    used = courses[-1].station + courses[-1].length if courses else 0.0
+    used = courses[-1].station + courses[-1].length - edges[0] if courses else 0.0
     return TapeLedger(tuple(rows), tuple(made), used, *_shares(trajectory, courses)), failures
 
 
 def _roll_edges(trajectory: Trajectory, courses: Sequence[Laid]) -> list[float]:
-    """Station of the leading edge of each course's roll: u at the stop before it, of the first where it begins."""
+    """Station of the first roll's leading edge, where u begins, then of each course's roll: u at the stop before it."""
     stops, u = np.flatnonzero(trajectory.events == Event.STOP), trajectory.positions[:, trajectory.column("u")]
     edges = np.append(u[np.argmin(np.isnan(u))], u[stops])
     before = np.searchsorted(trajectory.times[stops], [course.begin for course in courses], side="right")
-    return [float(edge) for edge in edges[before]]
+    return [float(edge) for edge in edges[np.append(0, before)]]
 
 
 def _reach(setup: Setup) -> float:
@@ -238,9 +238,9 @@ def _ledger(
     """Tape by course, and courses whose cuts lie closer than the angles allow."""
     width, margin, reach = setup.tape.width_mm * MM, setup.head.scrap_margin_mm * MM, _reach(setup)
     shared = {line.starting for line in lines if line.ending >= 0}
-    rows, failures, before = [], [], 0.0
+    rows, failures, before = [], [], edges[0]
     for index, course in enumerate(courses):
-        left = edges[index] - before if fresh[index] and index else 0.0
+        left = edges[index + 1] - before if fresh[index] else 0.0
         gap = course.station - before - left
         cot = 1 / np.tan(course.cut_angles[0])
         turn = abs(cot) if fresh[index] else abs(1 / np.tan(courses[index - 1].cut_angles[1]) - cot)
@@ -248,7 +248,9 @@ def _ledger(
         formula = 0.0 if one_line else width / 2 * turn + margin
         knives = 0.0 if index in shared else gap - formula
         if not knives >= -setup.verification.max_cut_error_mm * MM:
-            failures.append(Failure(course.number, 1, "waste_before_mm", gap / MM, formula / MM))
+            block = min(int(np.searchsorted(trajectory.times, course.begin)), len(trajectory) - 1)
+            line_number = int(trajectory.lines[block])
+            failures.append(Failure(course.number, 1, "waste_before_mm", gap / MM, formula / MM, line_number))
         rows.append(
             LedgerRow(
                 course=course.number,
@@ -285,11 +287,11 @@ def _rolls(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[Failu
     pitch = float(np.linalg.norm(knives["knife_1"][0, :3, 3] - knives["knife_2"][0, :3, 3]))
     failures = []
     for first, last in zip([known, *stops], [*stops, len(u)], strict=True):
-        furthest = first + int(np.argmax(u[first:last]))
-        used = float(u[furthest] - u[first]) + pitch
-        if not used <= setup.tape.roll_length_m + ROLL_DIGIT:
-            line = int(trajectory.lines[furthest])
-            failures.append(Failure(0, 0, "roll_used_m", used, setup.tape.roll_length_m, line))
+        used = u[first:last] - u[first] + pitch
+        empty = np.flatnonzero(~(used <= setup.tape.roll_length_m + ROLL_DIGIT))
+        if len(empty):
+            line = int(trajectory.lines[first + empty[0]])
+            failures.append(Failure(0, 0, "roll_used_m", float(np.max(used)), setup.tape.roll_length_m, line))
     return failures
 
 

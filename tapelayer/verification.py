@@ -108,7 +108,11 @@ class Inspector:
         """Evidence on a trajectory, failures included; arguments as `verify`."""
         digits = np.zeros(len(trajectory.axes)) if resolution is None else resolution
         layings = _layings(trajectory, self.setup)
-        failures = [*_unstated(trajectory), *_switching(trajectory, self.setup), *self._number_of_courses(layings)]
+        failures = [
+            *_unstated(trajectory),
+            *_switching(trajectory, self.setup),
+            *self._number_of_courses(trajectory, layings),
+        ]
         if any(failure.what == "unstated_axes" for failure in failures):
             # Nothing can be measured on a program that does not say where it is.
             layings = []
@@ -143,10 +147,12 @@ class Inspector:
             failures=tuple([*failures, *feeding, *beyond]),
         )
 
-    def _number_of_courses(self, layings: Sequence[_Laying]) -> list[Failure]:
+    def _number_of_courses(self, trajectory: Trajectory, layings: Sequence[_Laying]) -> list[Failure]:
         if len(layings) == len(self.curves):
             return []
-        return [Failure(0, 0, "courses_laid", len(layings), len(self.curves))]
+        block = layings[len(self.curves)].first if len(layings) > len(self.curves) else -1
+        line = int(trajectory.lines[block])
+        return [Failure(0, 0, "courses_laid", len(layings), len(self.curves), line)]
 
     def _measured(
         self, trajectory: Trajectory, layings: Sequence[_Laying], tick: Tick

@@ -106,7 +106,7 @@ def test_a_good_trajectory_passes_with_its_numbers() -> None:
         ("position_error_mm", without(laying_rows(1)[8:11]), 8, MIDDLE + 2),
         ("laid_length_mm", without(laying_rows(1)[-1:]), 8, laying_rows(1)[-2] + 1),
         ("tape_run_back_mm", moved("u", -20 * MM, MIDDLE), 8, MIDDLE + 1),
-        ("courses_laid", without(event_rows(Event.SHOE_DOWN)[1:]), 0, 0),
+        ("courses_laid", without(event_rows(Event.SHOE_DOWN)[1:]), 0, len(GOOD)),
         ("shoe_switched_again", without(event_rows(Event.SHOE_UP)[:1]), 0, event_rows(Event.SHOE_DOWN)[1] + 1),
         ("shoe_left_on", without(event_rows(Event.SHOE_UP)[1:]), 0, event_rows(Event.SHOE_DOWN)[1] + 1),
         ("heater_switched_again", without(event_rows(Event.HEATER_ON)[:1]), 0, event_rows(Event.HEATER_OFF)[0] + 1),
