@@ -287,7 +287,7 @@ LINUXCNC_LINK = [(Kind.RAPID, 0, 0.0, {"z": 10}, "z"), (Kind.RAPID, 0, 0.0, NINE
 
 def linuxcnc_body(blocks: list[tuple[Any, ...]], name: str = "linuxcnc") -> list[str]:
     lines = body([*LINUXCNC_LINK, *blocks], load(name)).splitlines()
-    return [line.split(" ", 1)[1] for line in lines if line[0] == "N"][3:]
+    return [line.split(" ", 1)[1] for line in lines if line[0] == "N"][2:]
 
 
 def test_an_axis_on_an_output_is_written_alone_with_a_dwell_for_its_time() -> None:
