@@ -98,6 +98,14 @@ class MeshRefused(InputRefused):
     """A mesh file cannot be used."""
 
 
+class FootprintRefused(InputRefused):
+    """A file with a measured footprint cannot be used."""
+
+
+class PitchNotFound(TapelayerError):
+    """No pitch keeps the coating as even as it was asked for."""
+
+
 class ModelRefused(TapelayerError):
     """A URDF cannot serve as the machine: a joint or frame is missing, of the wrong type, or out of place."""
 
