@@ -623,6 +623,7 @@ def _preparatory(
     }
     if controller.arcs.planes:
         meanings |= {codes.clockwise: _CLOCKWISE, codes.counterclockwise: _COUNTERCLOCKWISE}
+    meanings.pop("", None)
     meanings |= {word: _PLANES[plane] for plane, word in codes.planes.items()}
     meanings |= {word: _NO_EFFECT for word in codes.no_effect if re.fullmatch(r"G[\d.]+( [A-Z][\d.]+)?", word)}
     # G words go to tenths (G92.1); what is none of them stays 0.

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
 
 import post.controllers
-from post.controllers import Controller, load, names, parse
+from post.controllers import Arcs, AxisWord, Blocks, Codes, Controller, Feed, load, names, parse
 from tapelayer.errors import ControllerRefused
 from tapelayer.trajectory import Event
 
@@ -179,6 +180,13 @@ def test_what_looks_like_a_word_cannot_be_without_effect(entry: str) -> None:
     assert "codes.no_effect[0]: string should match pattern" in refused(text)
 
 
+def test_what_needs_a_g_word_is_refused_without_it() -> None:
+    text = changed(('"G92"', '""'), ('u_reset = "never"', 'u_reset = "course"'), (', yz = "G19"', ""))
+    message = refused(text)
+    assert "u_reset: needs codes.set_position, the G word that sets the tape's axis to zero; give it" in message
+    assert "arcs.planes: yz without a G word in codes.planes; give it" in message
+
+
 def test_a_number_step_beyond_the_largest_number_is_refused() -> None:
     assert "number_step is beyond number_maximum" in refused(
         changed(("number_maximum = 9999990", "number_maximum = 5"))
@@ -192,3 +200,18 @@ def test_a_table_cannot_name_itself() -> None:
 def test_controller_is_hashable_by_value_of_its_table() -> None:
     assert load("jb3208") == load("jb3208")
     assert isinstance(load("jb3208"), Controller)
+
+
+def test_the_docs_name_every_key_table_and_event() -> None:
+    text = (FOLDER.parents[1] / "docs" / "controllers.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`\[?([a-z_0-9]+)\]?`", text))
+    keys = {
+        key
+        for model in (AxisWord, Blocks, Codes, Feed, Arcs, Controller)
+        for key in model.model_fields
+        if (model, key) != (Controller, "name")
+    } - {"blocks", "codes", "feed", "arcs", "events"}
+    assert keys - named == set()
+    assert {"blocks", "codes", "feed", "arcs", "events"} <= named
+    assert {event.name.lower() for event in Event if event} - named == set()
+    assert set(names()) - named == set()

@@ -111,7 +111,7 @@ class Codes(_Table):
         incremental: increments from now on.
         per_minute: the feed word is a path speed per minute.
         inverse_time: the feed word is one over the block's minutes.
-        set_position: the axis words of the block become the present position.
+        set_position: the axis words of the block become the present position; empty where no G word does that.
         planes: the plane of circular blocks.
         no_effect: what is read and changes nothing that counts: G words, with an argument (`G64 P0.01`) or without,
             letters of further words, and whole blocks that hold a sign which no word has.
@@ -128,17 +128,14 @@ class Codes(_Table):
     incremental: GCode
     per_minute: GCode
     inverse_time: GCode
-    set_position: GCode
+    set_position: Annotated[str, Field(pattern=r"^(G\d{1,3}(\.\d)?)?$")]
     planes: dict[Plane, GCode]
     no_effect: Annotated[tuple[NoEffect, ...], Field(strict=False)] = ()
 
     def words(self) -> dict[str, str]:
         """Every G word with what it is for."""
-        words = {
-            name: value
-            for name, value in self.model_dump(exclude={"no_effect", "planes", "dwell_address"}).items()
-            if name != "dwell_decimals"
-        }
+        others = {"no_effect", "planes", "dwell_address", "dwell_decimals"}
+        words = {name: value for name, value in self.model_dump(exclude=others).items() if value}
         return words | {f"plane {plane}": code for plane, code in self.planes.items()}
 
 
@@ -256,6 +253,11 @@ class Controller(_Table):
             yield from self._unknown_words("blocks.preamble", block)
         for block in self.blocks.restated:
             yield from self._unknown_words("blocks.restated", block)
+        if self.u_reset == "course" and not self.codes.set_position:
+            yield "u_reset: needs codes.set_position, the G word that sets the tape's axis to zero; give it"
+        missing = [plane for plane in self.arcs.planes if plane not in self.codes.planes]
+        if missing:
+            yield f"arcs.planes: {' and '.join(missing)} without a G word in codes.planes; give it"
         if self.blocks.number_step > self.blocks.number_maximum:
             yield "blocks: number_step is beyond number_maximum; lower it"
 
