@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -20,6 +21,7 @@ from tapelayer.provenance import Provenance
 from tapelayer.trajectory import Event, Kind, Trajectory
 
 if TYPE_CHECKING:
+    from tapelayer.spray_verification import Sprayed
     from tapelayer.verification import Verified
 
 # The joint that feeds the tape, which some controls set to zero at each course.
@@ -35,7 +37,12 @@ _COMMENT_MARK = b"\x01"
 _NOT_IN_COMMENTS = re.compile(r"[^ -~]|[()%;]")
 
 
-def write(verified: Verified, controller: Controller, provenance: Provenance) -> bytes:
+def write(
+    verified: Verified | Sprayed,
+    controller: Controller,
+    provenance: Provenance,
+    levels: Mapping[Event, float] = MappingProxyType({}),
+) -> bytes:
     """NC text of a verified trajectory.
 
     Axis words are written where their rounded text changes or where the trajectory states the axis, and for every axis
@@ -50,6 +57,8 @@ def write(verified: Verified, controller: Controller, provenance: Provenance) ->
         verified: what `verify` passed; the joint values of an axis may be NaN until it is first stated.
         controller: the control's table.
         provenance: what the header says about the program's sources.
+        levels: values that events carry, in the unit of the control (the arc's current in A); a control whose table has
+            no letter for a value sets it elsewhere.
 
     Raises:
         NotWritable: the control lacks a word for an event, a number is beyond what it takes, a line would be too long,
@@ -75,7 +84,7 @@ def write(verified: Verified, controller: Controller, provenance: Provenance) ->
     if controller.u_reset == "course":
         columns = [_reset(column, starts) if column.joint == TAPE else column for column in columns]
     layout = _layout(trajectory, moves, pauses, 10**controller.codes.dwell_decimals)
-    rows = _rows(trajectory, columns, circles, layout, feeds, starts, controller)
+    rows = _rows(trajectory, columns, circles, layout, feeds, starts, controller, levels)
     head = _head(controller, provenance)
     last = f"{controller.blocks.last_line}\n" if controller.blocks.last_line else ""
     courses = [_course_comment(trajectory.courses, block, controller) for block in starts.tolist()]
@@ -295,6 +304,7 @@ def _rows(
     feeds: Floats,
     starts: Ints,
     controller: Controller,
+    levels: Mapping[Event, float],
 ) -> _Rows:
     """Rows with modal G and feed words, and the fixed texts between."""
     blocks = layout.blocks
@@ -325,7 +335,8 @@ def _rows(
     for event in np.flatnonzero(np.bincount(trajectory.events[blocks[switches]])).tolist():
         for resting in (False, True):
             here = (trajectory.events[blocks[switches]] == event) & (at_rest == resting)
-            code[switches[here]] = text(controller.event_words(resting)[Event(event)])
+            level = _level(Event(event), controller, levels)
+            code[switches[here]] = text(controller.event_words(resting)[Event(event)] + level)
     feed, decimals = _feed_digits(np.where(layout.plain, feeds[blocks], 0.0), controller.feed.digits)
     if controller.feed.modal:
         feeding = np.flatnonzero(feed > 0)
@@ -362,6 +373,15 @@ def _rows(
         feed_decimals=np.insert(decimals, before, 0),
         comments=np.array(comments, dtype=np.int64),
     )
+
+
+def _level(event: Event, controller: Controller, levels: Mapping[Event, float]) -> str:
+    """The value that an event carries, as a word with its space; empty for none."""
+    letters = {Event[name.upper()]: letter for name, letter in controller.levels.items()}
+    if event not in levels or event not in letters:
+        return ""
+    whole, fraction = divmod(int(rounded(np.array([levels[event]]), 3)[0]), 1000)
+    return f" {letters[event]}{whole}" + f".{fraction:03d}".rstrip("0").rstrip(".")
 
 
 def _at_rest(layout: _Layout, events: NDArray[np.uint8], switches: Ints) -> Mask:

@@ -182,8 +182,11 @@ def test_what_looks_like_a_word_cannot_be_without_effect(entry: str) -> None:
 
 def test_what_needs_a_g_word_is_refused_without_it() -> None:
     text = changed(('"G92"', '""'), ('u_reset = "never"', 'u_reset = "course"'), (', yz = "G19"', ""))
+    text += '[levels]\narc_on = "S"\n'
     message = refused(text)
     assert "u_reset: needs codes.set_position, the G word that sets the tape's axis to zero; give it" in message
+    assert "levels: arc_on is not in events; add it there" in message
+    assert "levels: S of arc_on is not in codes.no_effect, so no reader would know it" in message
     assert "arcs.planes: yz without a G word in codes.planes; give it" in message
 
 

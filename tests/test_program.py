@@ -365,6 +365,15 @@ def test_golden_program_of_every_control(name: str) -> None:
     assert write(verified(two_courses()), load(name), MADE_FROM) == golden.read_bytes()
 
 
+@pytest.mark.parametrize(("current", "word"), [(200.0, "M03 S200"), (187.5, "M03 S187.5"), (0.0625, "M03 S0.063")])
+def test_an_event_carries_its_level_where_the_table_has_a_letter(current: float, word: str) -> None:
+    blocks = [(Kind.RAPID, 0, 0.0, {"x": 1}), (Kind.SWITCH, 0, 0.0, Event.ARC_ON), (Kind.SWITCH, 0, 0.0, Event.AIR_ON)]
+    levels = {Event.ARC_ON: current, Event.AIR_ON: 6.0}
+    text = write(verified(blocks, ("x",)), load("generic5"), MADE_FROM, levels).decode("ascii")
+    assert f" {word}\n" in text and " M08\n" in text
+    assert "S" not in write(verified(blocks, ("x",)), load("linuxcnc"), MADE_FROM, levels).decode("ascii")[150:]
+
+
 def test_golden_program_of_the_spray_robot() -> None:
     axes = ("x", "y", "z", "theta", "phi")
     blocks = [

@@ -191,6 +191,7 @@ class Controller(_Table):
         feed: feed rule.
         events: words of the switching events that the control knows.
         events_at_rest: words of those that need other ones where no motion follows at once.
+        levels: letters of the values that some events carry, such as the arc's current.
         arcs: circular blocks.
     """
 
@@ -205,6 +206,7 @@ class Controller(_Table):
     feed: Feed
     events: dict[EventName, EventWords]
     events_at_rest: dict[EventName, EventWords] = {}
+    levels: dict[EventName, Letter] = {}
     arcs: Arcs
 
     @model_validator(mode="after")
@@ -255,6 +257,11 @@ class Controller(_Table):
             yield from self._unknown_words("blocks.restated", block)
         if self.u_reset == "course" and not self.codes.set_position:
             yield "u_reset: needs codes.set_position, the G word that sets the tape's axis to zero; give it"
+        for event, letter in self.levels.items():
+            if event not in self.events:
+                yield f"levels: {event} is not in events; add it there"
+            if letter not in self.codes.no_effect:
+                yield f"levels: {letter} of {event} is not in codes.no_effect, so no reader would know it"
         missing = [plane for plane in self.arcs.planes if plane not in self.codes.planes]
         if missing:
             yield f"arcs.planes: {' and '.join(missing)} without a G word in codes.planes; give it"
