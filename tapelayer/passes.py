@@ -12,7 +12,7 @@ from tapelayer.arrays import Floats, Ints, Mask, frozen
 from tapelayer.errors import NothingToSpray
 from tapelayer.machine import Machine
 from tapelayer.mesh import Mesh
-from tapelayer.reach import SAME_POINT, Reach, Segments
+from tapelayer.reach import ROUNDING, SAME_POINT, Reach, Segments
 from tapelayer.setup import DEG, MM
 from tapelayer.slicing import areas_from_above, plane_direction, plane_heights
 from tapelayer.smoothing import NORMAL_TOLERANCE, Smoothed, creases, kept, smooth
@@ -192,7 +192,7 @@ class _Planner:
         fixed[1:] |= facets == NO_FACET
         remain = kept(stations, points, smoothed.normals, fixed, self.spray.chord_tolerance_mm * MM)
         leans = self._leans(facets, free, smoothed, np.flatnonzero(remain))
-        return self._overrun(
+        return self._finished(
             points[remain], smoothed.normals[remain], leans, stations, facets, exempt, remain, direction
         )
 
@@ -205,7 +205,7 @@ class _Planner:
         leans = np.maximum(self.limit - LEAN_MARGIN - worst, 0.0)
         return np.where(free[remain], np.inf, leans)
 
-    def _overrun(
+    def _finished(
         self,
         points: Floats,
         normals: Floats,
@@ -222,23 +222,23 @@ class _Planner:
         bounds = np.interp(stations, stations[remain], places)
         swings = np.interp(exempt, stations[remain], places)
         bridged = np.isin(places[:-1], bounds[:-1][facets == NO_FACET])
-        ends = []
-        for row, sign in ((0, -1.0), (-1, 1.0)):
-            tangent = sign * np.cross(direction, normals[row])
-            tangent /= np.linalg.norm(tangent)
-            reach = min(self.spray.overrun_mm * MM, _room(self.reach.box, points[row], tangent))
-            ends.append((reach, points[row] + reach * tangent))
-        (lead, begin), (out, end) = ends
-        points = np.vstack([begin, points, end])
-        normals = np.vstack([normals[0], normals, normals[-1]])
+        lead, out = (
+            _overrun(self.reach.box, points[row], sign * np.cross(direction, normals[row]), self.spray.overrun_mm * MM)
+            for row, sign in ((0, -1.0), (-1, 1.0))
+        )
         most = self.limit - LEAN_MARGIN
-        leans = np.concatenate([[min(leans[0], most)], leans, [min(leans[-1], most)]])
-        places = np.concatenate([[0.0], places + lead, [places[-1] + lead + out]])
-        bridged = np.concatenate([[False], bridged, [False]])
+        leans = np.concatenate(
+            [np.full(len(lead), min(leans[0], most)), leans, np.full(len(out), min(leans[-1], most))]
+        )
+        normals = np.vstack([np.tile(normals[0], (len(lead), 1)), normals, np.tile(normals[-1], (len(out), 1))])
+        points = np.vstack([lead[::-1], points, out])
+        places = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+        begin = float(places[len(lead)])
+        bridged = np.concatenate([np.zeros(len(lead), np.bool_), bridged, np.zeros(len(out), np.bool_)])
         points, normals, leans, places = _subdivided(
             points, normals, leans, places, bridged, self.spray.max_point_spacing_mm * MM
         )
-        bounds, facets = np.concatenate([[0.0], bounds + lead, [places[-1]]]), np.concatenate([[-1], facets, [-1]])
+        bounds, facets = np.concatenate([[0.0], bounds + begin, [places[-1]]]), np.concatenate([[-1], facets, [-1]])
         real = np.append(np.diff(bounds) > 0.0, True)
         lost = places[~reachable(self.reach.wrist, normals, leans)]
         given_up = facets[np.clip(np.searchsorted(bounds, lost), 2, len(facets) - 1) - 1]
@@ -248,7 +248,7 @@ class _Planner:
             leans=leans,
             facets=facets[real[:-1]],
             bounds=np.append(bounds[:-1][real[:-1]], bounds[-1]),
-            exempt=swings + lead,
+            exempt=swings + begin,
             layer=1,
             plane=1,
             curve=1,
@@ -303,8 +303,30 @@ def _inside_intervals(stations: Floats, intervals: Floats) -> Mask:
     return inside
 
 
+def _overrun(box: Floats, point: Floats, tangent: Floats, length: float) -> Floats:
+    """Points (k, 3) in metres to go on to beyond the end of a section, k from 0 to 2.
+
+    Straight on along the tangent; where that leaves the travel, as below its lowest z, the rest of the way is level.
+
+    Args:
+        box: (2, 3) travel, metres.
+        point: (3,) the end.
+        tangent: (3,) out of the section, of any length.
+        length: metres.
+    """
+    points: list[Floats] = []
+    for way in (tangent, tangent * [1.0, 1.0, 0.0]):
+        size = float(np.linalg.norm(way))
+        going = min(length, _room(box, point, way / size)) if size > 0.0 else 0.0
+        if going > ROUNDING:
+            point = np.clip(point + going * way / size, *box)
+            points.append(point)
+            length -= going
+    return np.array(points).reshape(-1, 3)
+
+
 def _room(box: Floats, point: Floats, tangent: Floats) -> float:
-    """Metres that P can go on from a point (3,) along a tangent (3,) inside the travel (2, 3)."""
+    """Metres that P can go on from a point (3,) along a unit tangent (3,) inside the travel (2, 3)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         rooms = np.where(tangent > 0, (box[1] - point) / tangent, (box[0] - point) / tangent)
     return max(float(np.min(rooms[tangent != 0])), 0.0)

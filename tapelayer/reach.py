@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tapelayer.arrays import Floats, Ints, frozen
+from tapelayer.arrays import Floats, Ints, Mask, frozen
 from tapelayer.machine import Machine
 from tapelayer.mesh import Mesh
 from tapelayer.setup import DEG, MM
-from tapelayer.slicing import plane_direction, plane_heights, slice, strip_widths, upper_envelope
+from tapelayer.slicing import slice, strip_widths, upper_envelope
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.wrist import Wrist, reachable
 
@@ -77,32 +77,6 @@ class Segments:
         return lengths
 
 
-@dataclass(frozen=True, eq=False)
-class Patches:
-    """What can be sprayed of a surface, as small patches.
-
-    Attributes:
-        points: (n, 3) middles, metres.
-        normals: (n, 3) unit normals of their facets, upwards.
-        areas: (n,) square metres.
-        facets: (n,) facet of each.
-        strips: (n,) strip of each, from the lowest along the planes' normal.
-        direction: (3,) unit normal of the planes in which the strips' middles lie.
-    """
-
-    points: Floats
-    normals: Floats
-    areas: Floats
-    facets: Ints
-    strips: Ints
-    direction: Floats
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("points", "normals", "areas", "facets", "strips", "direction"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
-
-
 class Reach:
     """A surface, and what of it can be sprayed: seen from above, inside the travel, at an angle that the wrist has.
 
@@ -145,28 +119,11 @@ class Reach:
         )
         return segments, lost / total if total else 0.0
 
-    def patches(self, travel: float, spacing: float) -> Patches:
-        """What can be sprayed, in strips of one width, each cut into patches no longer than wide.
-
-        Args:
-            travel: direction of the strips, radians from +x towards +y.
-            spacing: width of the strips seen from above, metres.
-        """
-        direction = plane_direction(travel)
-        segments, _ = self.segments(direction, plane_heights(self.mesh, direction, spacing))
-        counts = np.ceil(segments.lengths / spacing).astype(np.int64)
-        row = np.repeat(np.arange(len(counts)), counts)
-        share = (np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts) + 0.5) / counts[row]
-        normals = self.normals[segments.facets]
-        areas = segments.lengths / counts * strip_widths(normals, direction, spacing)
-        return Patches(
-            points=segments.begins[row] + share[:, None] * (segments.ends - segments.begins)[row],
-            normals=normals[row],
-            areas=areas[row],
-            facets=segments.facets[row],
-            strips=segments.planes[row],
-            direction=direction,
-        )
+    def holds(self, points: Floats, normals: Floats) -> Mask:
+        """Whether points (n, 3) in metres are inside the travel, and the wrist has angles for their normals (n, 3)."""
+        inside = np.all((points >= self.box[0] - ROUNDING) & (points <= self.box[1] + ROUNDING), axis=1)
+        held: Mask = inside & reachable(self.wrist, normals, np.full(len(normals), self.wrist.max_deviation))
+        return held
 
 
 def _clipped(begins: Floats, ways: Floats, box: Floats) -> tuple[Floats, Floats]:

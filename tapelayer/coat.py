@@ -1,0 +1,87 @@
+"""Coat: what a program leaves on the part, from the places and times that were measured with the arc on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tapelayer.arrays import Floats, frozen
+from tapelayer.reach import Reach
+from tapelayer.setup import MM
+from tapelayer.spray_evidence import SpraySamples
+from tapelayer.spray_setup import SpraySetup
+from tapelayer.thickness import (
+    Evenness,
+    Spots,
+    Surface,
+    evenness,
+    exposure,
+    footprint_of,
+    inside_of,
+    spots_along,
+    surface_from_above,
+)
+
+# Samples of the surface in a spot's diameter, and spots in the footprint's reach.
+_SURFACE_SAMPLES = 8
+_SPOTS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Coat:
+    """What is on the surface after a program.
+
+    Attributes:
+        surface: samples of what can be reached, in `machine`.
+        thickness: (m,) metres, or relative to their mean.
+        relative: whether the thickness is relative, because the setup has no rate.
+        evenness: of the thickness.
+    """
+
+    surface: Surface
+    thickness: Floats
+    relative: bool
+    evenness: Evenness
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        object.__setattr__(self, "thickness", frozen(self.thickness))
+
+
+def coat_of(samples: SpraySamples, reach: Reach, setup: SpraySetup) -> Coat:
+    """The coat that a program leaves by arc spraying; layers add up.
+
+    Args:
+        samples: places and times with the arc on.
+        reach: the surface and what of it can be reached.
+        setup: the job's values.
+
+    Raises:
+        FootprintRefused: the profile's file cannot be used.
+    """
+    footprint, spot = footprint_of(setup), setup.spray.spot_mm * MM
+    seen, border = surface_from_above(reach.mesh, spot / _SURFACE_SAMPLES, setup.spray.min_normal_z)
+    held = reach.holds(seen.points, seen.normals)
+    surface = seen.only(held)
+    inside = inside_of(surface, np.vstack([border, seen.points[~held]]), spot / 2)
+    amount = exposure(footprint, setup.standoff, _spots(samples, footprint.reach / _SPOTS), surface)
+    rate = setup.footprint.rate_mm3_per_s
+    if rate is not None:
+        thickness = amount * rate * MM**3
+    else:
+        mean = float(np.average(amount, weights=surface.areas))
+        thickness = amount / mean if mean > 0.0 else amount
+    return Coat(surface, thickness, rate is None, evenness(thickness, surface, inside))
+
+
+def _spots(samples: SpraySamples, spacing: float) -> Spots:
+    """Spots of the samples, of which those are left out that are nearer to each other than the spacing asks."""
+    cell = np.floor(samples.arc_lengths / spacing)
+    kept = np.ones(len(cell), dtype=np.bool_)
+    kept[1:-1] = (
+        (cell[1:-1] != cell[:-2])
+        | (samples.pieces[1:-1] != samples.pieces[:-2])
+        | (samples.pieces[1:-1] != samples.pieces[2:])
+    )
+    return spots_along(samples.points[kept], samples.axes[kept], samples.times[kept], samples.pieces[kept], spacing)
