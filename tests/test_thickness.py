@@ -286,10 +286,10 @@ def test_widest_good_pitch_of_the_parabolic_flux() -> None:
 
 
 @each_footprint
-@pytest.mark.parametrize("target", [0.01, 0.02, 0.05, 0.1, 0.2])
+@pytest.mark.parametrize("target", [0.01, 0.05, 0.2])
 def test_every_pitch_up_to_the_widest_keeps_the_target(footprint: Footprint, target: float) -> None:
     widest = widest_pitch(footprint, target)
-    narrower = widest * np.linspace(0.15, 1.0, 300)
+    narrower = widest * np.linspace(0.15, 1.0, 150)
     assert all(raster_cv(footprint, pitch) <= target * (1 + 1e-3) for pitch in narrower)
     assert raster_cv(footprint, widest * 1.001) > target
 
