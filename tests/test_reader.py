@@ -496,3 +496,38 @@ def test_what_is_written_reads_back_as_the_rounded_trajectory(
     assert path.events[stated_in:].tolist() == list(events)
     assert path.courses[stated_in:].tolist() == list(courses)
     assert path.durations[stated_in:] == pytest.approx(np.array(seconds_), rel=1e-5, abs=1e-9)
+
+
+SEEDS = {
+    "jb3208": (
+        "N10 G90\nN20 G00 X1 Y2 Z3 A4 C5 U6 V7 Q8 D9 E1\nG01 X2 F60\nM20\nG18 G02 X4 I1 K0\nG91 X1\nG04 P1\n(a)\nM30\n"
+    ),
+    "linuxcnc": "G0 X0 Y0 Z0 A0 B0 C0 U0 V0 W0\nM68 E0 Q0\nG93 G1 X1 F9\nM62 P3\nM68 E0 Q2\nG4 P0.5\nM2\n",
+    "linuxcnc_remap": "G0 X0 Y0 Z0 A0 C0 U0 V0 Q0 D0 E0 M29\nG93 G1 X1 D2 M29 F9\nM29 D3\nG4 P1\nM2\n",
+    "sinumerik840d": "G0 X0 Y0 Z0 A0 C0 U=0 V=0 Q1=0 B1=0 B2=0 ; t\nG1 Q1=3 F9\nG4 F2\nM30\n",
+}
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(sorted(SEEDS)),
+    st.lists(
+        st.tuples(
+            st.integers(0, 120), st.integers(0, 3), st.text("GXYZACUQDEFMNPIJKS0129.-+=()%; \n\r/_\u00fc", max_size=5)
+        ),
+        max_size=3,
+    ),
+)
+def test_edited_programs_are_read_or_refused(control: str, edits: list[tuple[int, int, str]]) -> None:
+    text = SEEDS[control]
+    for at, length, new in edits:
+        text = text[:at] + new + text[at + length :]
+    try:
+        path = parsed(text, load(control)).trajectory
+    except ProgramRefused as refused:
+        assert refused.faults
+        assert all(0 <= fault.line <= len(text) + 2 for fault in refused.faults)
+    else:
+        assert (path.durations >= 0).all() and np.isfinite(path.durations).all()
+        unstated = np.isnan(path.positions).any(axis=1)
+        assert np.isin(path.kinds[unstated], (Kind.RAPID, Kind.DWELL, Kind.SWITCH)).all()
