@@ -1,0 +1,122 @@
+"""The obvious ways of the pipeline's benchmark do what the pipeline does, and its rows are sane."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import pipeline
+from tapelayer import gantry
+from tapelayer.course import read_courses
+from tapelayer.job import Job
+from tapelayer.laying import place
+from tapelayer.setup import MM, Setup, parse_setup
+from tapelayer.toolpath import Curve
+
+POINTS = 4000
+SETUP = parse_setup(pipeline.SETUP.encode(), "setup", Setup)
+FINE = parse_setup((pipeline.SETUP + pipeline.FINE).encode(), "setup", Setup)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("benchmark") / "courses.txt"
+    pipeline.write_courses(path, POINTS)
+    return path
+
+
+@pytest.fixture(scope="module")
+def job(path: Path) -> Job:
+    return Job.read(path, SETUP)
+
+
+def test_the_courses_are_geodesics_on_the_cylinder(path: Path) -> None:
+    courses = read_courses(path)
+    assert [course.number for course in courses] == [1, 2]
+    for course in courses:
+        assert len(course.points) == pipeline.COURSE_POINTS
+        assert course.length == pytest.approx(pipeline.COURSE_LENGTH, abs=1e-9)
+        away = course.points - [0.0, 1.0, -pipeline.RADIUS]
+        away[:, 0] = 0.0
+        assert np.max(np.abs(away - pipeline.RADIUS * course.normals)) < 5e-9
+        tangents = Curve(course).at_knots()[2]
+        assert np.max(np.abs(tangents[:, 0] - math.sin(pipeline.HEADING))) < 1e-5
+
+
+def test_both_ways_read_the_same_numbers(path: Path) -> None:
+    for rows, course in zip(pipeline.read_by_line(path), read_courses(path), strict=True):
+        numbers = np.array(rows)
+        assert np.array_equal(numbers[:, :3] / 1e3, course.points)
+        assert np.array_equal(numbers[:, 6] / 1e3, course.arc_lengths)
+        assert np.max(np.abs(numbers[:, 3:6] - course.normals)) < 2e-9
+
+
+def test_both_ways_solve_the_same_inverse(job: Job) -> None:
+    pytest.importorskip("pink", reason="pink is of the extra `bench`")
+    samples = [values[::200] for values in pipeline.surface(job.courses, SETUP)]
+    solved = pipeline.solve_by_pink(job.machine, *samples)
+    assert np.max(np.abs(solved - gantry.inverse(job.machine, *samples)[0])) < 2 * pipeline.PINK_ACCURACY
+
+
+def test_both_ways_give_the_same_poses(job: Job) -> None:
+    q = np.random.default_rng(7).uniform(-1.0, 1.0, (100, len(job.machine.axes)))
+    poses = pipeline.forward_by_loop(job.machine, job.machine.configurations(q))
+    assert np.max(np.abs(poses - job.machine.forward(q, "roller"))) < 1e-12
+
+
+def test_both_ways_write_the_same_blocks(path: Path) -> None:
+    """Words and feeds of the longest stretch without switching, character by character."""
+    job, verified = pipeline.whole_job(path, FINE)
+    program = job.text(verified).decode()
+    blocks = pipeline.blocks_of(verified.trajectory, len(verified.trajectory))
+    assert len(blocks) > POINTS
+    ours, obvious = (
+        "\n".join(line.split(" ", 1)[-1] for line in text.split("\n"))
+        for text in (program, pipeline.write_by_block([blocks]))
+    )
+    longest = max(re.split(r"\n(?=M)", ours), key=len).split("\n", 1)[1]
+    assert longest.count("\n") > pipeline.COURSE_POINTS / 2
+    assert longest in obvious
+
+
+def test_both_ways_plan_the_same_poses(job: Job, path: Path) -> None:
+    planned = pipeline.plan_by_point(pipeline.read_by_line(path), SETUP, job.machine)
+    for blocks, course in zip(planned, place(job.courses, SETUP), strict=True):
+        assert [code for code, _, _ in blocks] == ["G00", *["G01"] * (len(course.points) - 1)]
+        joints = np.array([values[:5] for _, _, values in blocks])
+        exact = gantry.inverse(job.machine, *Curve(course).at_knots())[0]
+        # At a course's ends the obvious way takes a chord for the tangent.
+        assert np.max(np.abs(joints - exact)[1:-1]) < 1e-6
+        assert sum(spent for _, spent, _ in blocks) == pytest.approx(course.length / 0.25, rel=1e-6)
+
+
+def test_both_ways_end_with_a_text_that_is_on_the_courses(job: Job, path: Path) -> None:
+    _, verified = pipeline.whole_job(path, SETUP)
+    assert np.max(verified.evidence.samples.position_errors) < 0.03 * MM
+    assert 0.0 < pipeline.job_by_point(path, SETUP, job.machine, 4) < 0.03 * MM
+    rows = pipeline.read_by_line(path)
+    blocks = pipeline.read_back_by_line(pipeline.write_by_block(pipeline.plan_by_point(rows, SETUP, job.machine)))
+    blocks[1][1000][2] += 0.06 * MM
+    with pytest.raises(ValueError, match="off and tilted"):
+        pipeline.check_by_point(blocks, rows, SETUP, job.machine, 1)
+
+
+def test_rows_and_memory_are_sane(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pink", reason="pink is of the extra `bench`")
+    monkeypatch.setattr(pipeline, "LEAST_TURN", 0.0)
+    monkeypatch.setattr(pipeline, "PINK_POINTS", 20)
+    pipeline.main(["--points", str(POINTS), "--rounds", "1", "--json"])
+    numbers = json.loads(capsys.readouterr().out)
+    rows = numbers["rows"]
+    assert [row["stage"] for row in rows] == [*pipeline.ASKED, "whole job, a block a point"]
+    assert [row["asked"] for row in rows] == [*pipeline.ASKED.values(), 0.0]
+    for row in rows:
+        assert row["points"] == POINTS
+        assert 0.0 < row["per_s"] < math.inf
+        assert row["ratio"] == row["per_s"] / row["obvious_per_s"]
+    assert 0.05 < numbers["peak_memory_gb"] < numbers["memory_limit_gb"]
