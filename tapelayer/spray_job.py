@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -13,16 +14,20 @@ import numpy as np
 from post import program, reader
 from post.controllers import Controller, load
 from tapelayer.arrays import Floats
+from tapelayer.coat import coat_of
 from tapelayer.machine import Machine
 from tapelayer.mesh import Mesh, Unit, read_mesh
 from tapelayer.passes import Plan, plan_passes
 from tapelayer.progress import Tick, silent
 from tapelayer.provenance import Provenance
-from tapelayer.reach import placed, placement
+from tapelayer.reach import Reach, placed, placement
 from tapelayer.setup import MM
+from tapelayer.spray_evidence import SprayEvidence
+from tapelayer.spray_report import Judged
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.spray_verification import Sprayed, SprayInspector
 from tapelayer.spraying import AXES, Spraying, spray
+from tapelayer.thickness import footprint_of, widest_pitch
 from urdf import SPRAYER
 
 if TYPE_CHECKING:
@@ -80,9 +85,16 @@ class SprayJob:
 
     @cached_property
     def pitch(self) -> float:
-        """From pass to pass in metres."""
-        assert self.setup.spray.pitch_mm != "auto"
-        return self.setup.spray.pitch_mm * MM
+        """From pass to pass in metres.
+
+        Raises:
+            FootprintRefused: the profile's file cannot be used.
+            PitchNotFound: no pitch is even enough.
+        """
+        spray = self.setup.spray
+        if spray.pitch_mm != "auto":
+            return spray.pitch_mm * MM
+        return widest_pitch(footprint_of(self.setup), spray.target_cv_percent / 100.0)
 
     @cached_property
     def plan(self) -> Plan:
@@ -101,6 +113,20 @@ class SprayJob:
     def inspector(self, planned: Spraying) -> SprayInspector:
         """Judge of trajectories for these passes."""
         return SprayInspector(self.plan.passes, planned.splits, self.mesh, self.setup, self.machine)
+
+    def judged(self, planned: Spraying, evidence: SprayEvidence, text: bytes) -> Judged:
+        """A judged program with the coat that it leaves, for the reports."""
+        coated = self.setup.process.kind == "arc" and len(evidence.samples.times) > 0
+        reach = Reach(self.mesh, self.setup, self.machine)
+        return Judged(
+            evidence=evidence,
+            plan=self.plan,
+            coat=coat_of(evidence.samples, reach, self.setup) if coated else None,
+            mesh=self.mesh,
+            slowdowns=planned.slowdowns,
+            pitch=self.pitch,
+            program_sha256=hashlib.sha256(text).hexdigest(),
+        )
 
     def text(self, planned: Sprayed) -> bytes:
         """NC text of a verified trajectory."""

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from tapelayer.arrays import Floats
+from tapelayer.coat import Coat
 from tapelayer.evidence import AxisUse
 from tapelayer.mesh import Mending, Mesh
 from tapelayer.passes import Plan
@@ -35,6 +36,11 @@ FACTS = (
     ("duration_s", "duration", "s", "z,.1f"),
     ("arc_time_s", "arc on", "s", "z,.1f"),
 )
+COATED = (
+    ("coverage_percent", "coverage", "%", "z.2f"),
+    ("cv_percent", "thickness deviation", "%", "z.2f"),
+    ("cv_interior_percent", "without the border", "%", "z.2f"),
+)
 QUANTITIES = (
     ("max_position_error_mm", "position error", "mm", "z.4f"),
     ("max_surface_distance_mm", "distance from the facets", "mm", "z.4f"),
@@ -53,6 +59,7 @@ class Judged:
     Attributes:
         evidence: what verification measured.
         plan: the passes and areas.
+        coat: what the program leaves on the part; None where there is no footprint, as in plating.
         mesh: the surface in `machine`.
         slowdowns: where axes hold the gun back.
         pitch: from pass to pass, metres.
@@ -61,6 +68,7 @@ class Judged:
 
     evidence: SprayEvidence
     plan: Plan
+    coat: Coat | None
     mesh: Mesh
     slowdowns: Sequence[Slowdown]
     pitch: float
@@ -101,6 +109,7 @@ def numbers(judged: Judged) -> dict[str, Any]:
         "unreachable": [{"reason": reason, "area_m2": area} for reason, area in areas if area > LEAST_AREA],
         "mesh": {"facets": len(judged.mesh.facets), "mended": _mended(judged.mesh.mending)},
         **{key: _number(value) for key, value in measured.items()},
+        **_coated(judged.coat),
         "duration_s": _number(evidence.duration),
         "arc_time_s": _number(evidence.arc_time),
         "program_sha256": judged.program_sha256,
@@ -136,7 +145,7 @@ def summary(report: dict[str, Any]) -> Table:
     for words, count in mended.items():
         table.add_row(words.replace("_", " "), f"{count:,}")
     table.add_section()
-    for key, words, unit, form in QUANTITIES:
+    for key, words, unit, form in (*COATED, *QUANTITIES):
         table.add_row(words, shown(report[key], unit, form, "none"))
     table.add_section()
     for name, axis in report["axes"].items():
@@ -160,6 +169,26 @@ def _largest(values: Floats) -> float:
 def _number(value: float) -> float | None:
     """The value for JSON, which has no NaN and no infinity."""
     return float(value) + 0.0 if math.isfinite(value) else None
+
+
+def _coated(coat: Coat | None) -> dict[str, Any]:
+    """How even and how thick the coat is; relative thickness in keys that end in _rel."""
+    if coat is None:
+        return {"coverage_percent": None, "cv_percent": None, "cv_interior_percent": None, "thickness": None}
+    even = coat.evenness
+    scale, unit = (1.0, "rel") if coat.relative else (1e6, "um")
+    thickness = {
+        "mean": even.mean,
+        "interior_mean": even.interior_mean,
+        "least": float(np.min(coat.thickness)),
+        "greatest": float(np.max(coat.thickness)),
+    }
+    return {
+        "coverage_percent": _number(even.coverage_percent),
+        "cv_percent": _number(even.cv_percent),
+        "cv_interior_percent": _number(even.cv_interior_percent),
+        "thickness": {f"{name}_{unit}": _number(value * scale) for name, value in thickness.items()},
+    }
 
 
 def _place(point: tuple[float, float, float]) -> dict[str, float]:
