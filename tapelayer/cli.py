@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 import typer
@@ -18,13 +18,18 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from post import controllers
-from tapelayer import gantry, page, report
+from tapelayer import gantry, page, report, spray_page, spray_report
 from tapelayer.course import Course, read_courses
 from tapelayer.errors import Fault, ProgramRefused, SetupRefused, TapelayerError, VerificationFailed
 from tapelayer.evidence import Evidence
 from tapelayer.job import Job, machine_of
+from tapelayer.mesh import Unit
 from tapelayer.output import write_files
 from tapelayer.setup import DEG, MM, Setup, default_text, read_setup
+from tapelayer.spray_job import SprayJob
+from tapelayer.spray_report import Judged
+from tapelayer.spray_setup import SpraySetup
+from tapelayer.spray_trajectory import trajectory_text
 from tapelayer.trajectory import Trajectory
 from tapelayer.verification import SHOWN_FAILURES
 
@@ -48,6 +53,11 @@ KinematicsName = Annotated[
 ]
 ReportFile = Annotated[str | None, typer.Option("--report", metavar="OUT.json", help="Write the report as JSON.")]
 HtmlFile = Annotated[str | None, typer.Option("--html", metavar="OUT.html", help="Write the report with plots.")]
+UnitName = Annotated[Unit, typer.Option("--unit", help="Unit of the model's numbers; STL does not state one.")]
+Direction = Annotated[
+    float | None, typer.Option("--direction-deg", metavar="DEG", help="Travel of the passes, from +x towards +y.")
+]
+Pitch = Annotated[str | None, typer.Option("--pitch-mm", metavar="MM|auto", help="From pass to pass.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Say how long each step takes.")]
 
@@ -105,10 +115,15 @@ def export(
 )
 def verify(
     program: Annotated[str, typer.Argument(metavar="PROGRAM.nc", help="NC program, also one edited by hand.")],
-    courses: Courses,
+    source: Annotated[
+        str, typer.Argument(metavar="COURSES.txt|MODEL.stl", help="Course file, or the model that is sprayed.")
+    ],
     setup: SetupFile = None,
     controller: ControllerName = None,
     kinematics: KinematicsName = None,
+    unit: UnitName = "mm",
+    direction_deg: Direction = None,
+    pitch_mm: Pitch = None,
     report_file: ReportFile = None,
     html_file: HtmlFile = None,
     force: Annotated[
@@ -117,7 +132,15 @@ def verify(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Judge an NC program by its text against its courses."""
+    """Judge an NC program by its text against its courses, or against the model that it sprays."""
+    if Path(source).suffix.lower() == ".stl":
+        _refuse("--kinematics", kinematics, "tape courses")
+        spray_job = _spray_job(source, setup, unit, controller, direction_deg, pitch_mm)
+        _verify_spraying(program, source, spray_job, report_file, html_file, force, quiet, verbose)
+        return
+    _refuse("--direction-deg", direction_deg, "models")
+    _refuse("--pitch-mm", pitch_mm, "models")
+    courses = source
     with _Steps(quiet, verbose) as steps:
         steps.begin(f"reading {courses}")
         job = _job(courses, setup, controller, kinematics)
@@ -132,6 +155,63 @@ def verify(
         _conclude(evidence, text, program, job.setup, output)
     if not evidence.passed:
         raise VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
+
+
+@app.command(
+    epilog="Example: [bold]tapelayer spray hood.stl --direction-deg 90 -o hood.nc --html hood.html[/bold]",
+)
+def spray(
+    model: Annotated[str, typer.Argument(metavar="MODEL.stl", help="The part's surface as STL.")],
+    setup: SetupFile = None,
+    unit: UnitName = "mm",
+    direction_deg: Direction = None,
+    pitch_mm: Pitch = None,
+    controller: ControllerName = None,
+    target: Annotated[
+        str | None, typer.Option("-o", metavar="OUT.nc", help="Program; - for stdout, default MODEL.nc here.")
+    ] = None,
+    trajectory_file: Annotated[
+        str | None, typer.Option("--trajectory", metavar="OUT.txt", help="Write the gun's poses in the part's frame.")
+    ] = None,
+    report_file: ReportFile = None,
+    html_file: HtmlFile = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Plan, write, read back and verify a spraying program; nothing that fails is written."""
+    program = Path(target) if target else Path(Path(model).stem + ".nc")
+    to_stdout = target == "-"
+    with _Steps(quiet, verbose) as steps:
+        steps.begin(f"reading {model}")
+        job = _spray_job(model, setup, unit, controller, direction_deg, pitch_mm)
+        steps.begin("slicing")
+        passes = job.plan.passes
+        steps.begin("planning", len(passes))
+        planned = job.spraying(steps.tick)
+        inspector = job.inspector(planned)
+        steps.begin("verifying the plan", len(passes))
+        verified = inspector.verify(planned.trajectory, tick=steps.tick)
+        steps.begin("writing")
+        text = job.text(verified)
+        steps.begin("reading back")
+        trajectory = job.read_back(text, str(program)).trajectory
+        steps.begin("verifying the text", len(passes))
+        evidence = inspector.verify(trajectory, job.resolution, steps.tick).evidence
+        steps.begin("measuring the coat")
+        judged = job.judged(planned, evidence, text)
+        steps.begin("saving")
+        contents = {} if to_stdout else {program: text}
+        if trajectory_file:
+            poses = trajectory_text(passes, planned.pieces, job.placement, job.provenance)
+            contents[Path(trajectory_file)] = poses
+        title = Path(model).name if to_stdout else program.name
+        contents |= _spray_reports(judged, trajectory, job.setup, title, report_file, html_file)
+        write_files(contents)
+    if to_stdout:
+        sys.stdout.buffer.write(text)
+        sys.stdout.buffer.flush()
+    if not quiet:
+        _conclude_spraying(judged, "the program" if to_stdout else str(program), notices if to_stdout else output)
 
 
 @app.command(epilog="Example: [bold]tapelayer inspect panel.txt[/bold]")
@@ -153,9 +233,14 @@ def inspect(courses: Courses) -> None:
 
 
 @app.command(epilog="Example: [bold]tapelayer setup > job.toml[/bold]")
-def setup() -> None:
+def setup(
+    kind: Annotated[Literal["lay", "spray"], typer.Option("--kind", help="The job: tape laying or spraying.")] = "lay",
+) -> None:
     """Print the default setup as a commented TOML file."""
-    sys.stdout.write(default_text(Setup, "Setup of a tape-laying job"))
+    if kind == "spray":
+        sys.stdout.write(default_text(SpraySetup, "Setup of a spraying job"))
+    else:
+        sys.stdout.write(default_text(Setup, "Setup of a tape-laying job"))
 
 
 @app.command(epilog="Example: [bold]tapelayer machine --setup job.toml[/bold]")
@@ -276,7 +361,9 @@ def _bytes(name: str) -> bytes:
         raise ProgramRefused.unreadable(name, error) from None
 
 
-def _check_sources(job: Job, setup_sha256: str, source_sha256: str, program: str, courses: str, force: bool) -> None:
+def _check_sources(
+    job: Job | SprayJob, setup_sha256: str, source_sha256: str, program: str, courses: str, force: bool
+) -> None:
     """Refuse to judge a program by another setup than its own; say so where the courses are other ones."""
     if setup_sha256 and setup_sha256 != job.provenance.setup_sha256 and not force:
         sentence = (
@@ -285,7 +372,7 @@ def _check_sources(job: Job, setup_sha256: str, source_sha256: str, program: str
         )
         raise SetupRefused(program, [Fault(0, sentence)])
     if source_sha256 and source_sha256 != job.provenance.source_sha256:
-        sys.stderr.write(f"{program}: its header names another course file than {courses}\n")
+        sys.stderr.write(f"{program}: its header names another source than {courses}\n")
 
 
 def _reports(
@@ -307,6 +394,87 @@ def _reports(
     if html_file:
         contents[Path(html_file)] = page.html(evidence, trajectory, numbers, setup, title).encode()
     return contents
+
+
+def _refuse(option: str, value: object, owner: str) -> None:
+    """Refuse an option that says something of the other machine's sources."""
+    if value is not None:
+        raise SetupRefused(option, [Fault(0, f"belongs to {owner}; leave it out here")])
+
+
+def _spray_job(
+    model: str,
+    setup_file: str | None,
+    unit: Unit,
+    controller: str | None,
+    direction_deg: float | None,
+    pitch_mm: str | None,
+) -> SprayJob:
+    chosen = read_setup(setup_file, SpraySetup) if setup_file else SpraySetup()
+    if controller:
+        chosen = chosen.with_values("output", controller=controller)
+    if direction_deg is not None:
+        chosen = chosen.with_values("spray", direction_deg=direction_deg)
+    if pitch_mm is not None:
+        try:
+            pitch: float | str = float(pitch_mm)
+        except ValueError:
+            pitch = pitch_mm
+        chosen = chosen.with_values("spray", pitch_mm=pitch)
+    return SprayJob.read(model, chosen, unit)
+
+
+def _verify_spraying(
+    program: str,
+    model: str,
+    job: SprayJob,
+    report_file: str | None,
+    html_file: str | None,
+    force: bool,
+    quiet: bool,
+    verbose: bool,
+) -> None:
+    """Judge a program by its text against the passes that its model and setup ask for."""
+    with _Steps(quiet, verbose) as steps:
+        steps.begin(f"reading {program}")
+        text = _bytes(program)
+        read = job.read_back(text, program)
+        _check_sources(job, read.setup_sha256, read.source_sha256, program, model, force)
+        steps.begin("planning", len(job.plan.passes))
+        planned = job.spraying(steps.tick)
+        steps.begin("verifying", len(job.plan.passes))
+        evidence = job.inspector(planned).examine(read.trajectory, job.resolution, steps.tick)
+        judged = job.judged(planned, evidence, text)
+        write_files(_spray_reports(judged, read.trajectory, job.setup, Path(program).name, report_file, html_file))
+    if not quiet:
+        _conclude_spraying(judged, program, output)
+    if not evidence.passed:
+        raise VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
+
+
+def _spray_reports(
+    judged: Judged,
+    trajectory: Trajectory,
+    setup: SpraySetup,
+    title: str,
+    report_file: str | None,
+    html_file: str | None,
+) -> dict[Path, bytes]:
+    """Report files of a spraying program by target."""
+    contents = {}
+    if report_file:
+        numbers = spray_report.numbers(judged)
+        contents[Path(report_file)] = (json.dumps(numbers, indent=2, allow_nan=False) + "\n").encode()
+    if html_file:
+        contents[Path(html_file)] = spray_page.html(judged, trajectory, setup, title).encode()
+    return contents
+
+
+def _conclude_spraying(judged: Judged, name: str, console: Console) -> None:
+    """Table of what was found, and one line that says whether it passed."""
+    console.print(spray_report.summary(spray_report.numbers(judged)))
+    if judged.evidence.passed:
+        console.print(f"{name}: {judged.evidence.blocks} blocks, verified", highlight=False, soft_wrap=True)
 
 
 def _inspected(course: Course) -> list[str]:
