@@ -111,7 +111,8 @@ def test_inverse_gives_back_the_angles(theta: float, phi: float) -> None:
     (first,), (second,) = inverse(gun_axes(np.array([theta]), np.array([phi])))
     assert 0 <= first[0] < 2 * np.pi
     assert first[1] == pytest.approx(phi, abs=1e-12)
-    if phi > 0:
+    # A tilt next to the smallest number there is leaves no digits for theta.
+    if phi > 1e-300:
         assert np.remainder(first[0] - theta + 1, 2 * np.pi) == pytest.approx(1, abs=1e-9)
     assert second[0] == first[0] + np.pi
     assert second[1] == -first[1]
@@ -334,7 +335,7 @@ def fewest_splits(wrist: Wrist, normals: Floats, arc_lengths: Floats, more_lean:
     return splits
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(8))
 def test_fewest_splits_by_brute_force(seed: int) -> None:
     chance = np.random.default_rng(seed)
     count = 60
