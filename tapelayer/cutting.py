@@ -104,10 +104,16 @@ def judge_cuts(
 
 def _roll_edges(trajectory: Trajectory, courses: Sequence[Laid]) -> list[float]:
     """Station of the first roll's leading edge, where u begins, then of each course's roll: u at the stop before it."""
-    stops, u = np.flatnonzero(trajectory.events == Event.STOP), trajectory.positions[:, trajectory.column("u")]
-    edges = np.append(u[np.argmin(np.isnan(u))], u[stops])
+    stops, u = np.flatnonzero(trajectory.events == Event.STOP), _fed(trajectory)
+    edges = np.append(u[np.argmin(np.isnan(u))], u[stops + 1])
     before = np.searchsorted(trajectory.times[stops], [course.begin for course in courses], side="right")
     return [float(edge) for edge in edges[np.append(0, before)]]
+
+
+def _fed(trajectory: Trajectory) -> Floats:
+    """Tape fed (n + 1,) at the program's start and every block's end, metres; NaN where it is not stated yet."""
+    u = trajectory.column("u")
+    return np.append(trajectory.start[u], trajectory.positions[:, u])
 
 
 def _reach(setup: Setup) -> float:
@@ -206,10 +212,9 @@ def _matched(
             failures.append(Failure(course, point, "cut_error_mm", error / MM, limits.max_cut_error_mm, row))
         if not turned <= limits.max_blade_error_deg * DEG:
             failures.append(Failure(course, point, "blade_error_deg", turned / DEG, limits.max_blade_error_deg, row))
-        width = 2 * float(min(-np.min(sweep.across), np.max(sweep.across)))
-        ends = 2 * float(min(abs(sweep.across[0]), abs(sweep.across[-1])))
-        if not min(width, ends) >= reach - limits.max_cut_error_mm * MM:
-            failures.append(Failure(course, point, "cut_width_mm", min(width, ends) / MM, reach / MM, row))
+        side = float(min(-np.min(sweep.across), np.max(sweep.across), abs(sweep.across[0]), abs(sweep.across[-1])))
+        if not side >= reach / 2 - limits.max_cut_error_mm * MM:
+            failures.append(Failure(course, point, "cut_width_mm", 2 * side / MM, reach / MM, row))
         made.append(
             CutMade(
                 station=line.station,
@@ -280,8 +285,7 @@ def _stops(trajectory: Trajectory, course: Laid) -> int:
 
 def _rolls(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[Failure]:
     """Rolls from which more tape is drawn, up to knife 2 when it comes in and when it runs out, than they hold."""
-    u = trajectory.positions[:, trajectory.column("u")]
-    stops = np.flatnonzero(trajectory.events == Event.STOP)
+    u, stops = _fed(trajectory), np.flatnonzero(trajectory.events == Event.STOP) + 1
     known = int(np.argmin(np.isnan(u)))
     knives = machine.forward_all(np.zeros((1, len(machine.axes))), ("knife_1", "knife_2"))
     pitch = float(np.linalg.norm(knives["knife_1"][0, :3, 3] - knives["knife_2"][0, :3, 3]))
@@ -290,7 +294,7 @@ def _rolls(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[Failu
         used = u[first:last] - u[first] + pitch
         empty = np.flatnonzero(~(used <= setup.tape.roll_length_m + ROLL_DIGIT))
         if len(empty):
-            line = int(trajectory.lines[first + empty[0]])
+            line = int(trajectory.lines[max(first + int(empty[0]) - 1, 0)])
             failures.append(Failure(0, 0, "roll_used_m", float(np.max(used)), setup.tape.roll_length_m, line))
     return failures
 
