@@ -1,1 +1,9 @@
-"""NC text: Verified trajectories to programs, and programs back to trajectories."""
+"""NC text: verified trajectories to programs, and programs back to trajectories."""
+
+from __future__ import annotations
+
+from post.controllers import Controller, load
+from post.program import write
+from post.reader import Comment, Program, read
+
+__all__ = ["Comment", "Controller", "Program", "load", "read", "write"]

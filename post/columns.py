@@ -59,8 +59,8 @@ class Column:
             )
 
 
-def columns_of(trajectory: Trajectory, axes: Sequence[tuple[AxisWord, int]]) -> list[Column]:
-    """Words of every axis; each axis comes with its column in the trajectory."""
+def columns_of(trajectory: Trajectory, motions: Mask, axes: Sequence[tuple[AxisWord, int]]) -> list[Column]:
+    """Words of every axis; each axis comes with its column in the trajectory, and with it which blocks are motions."""
     count = len(trajectory)
     numbers = [np.empty(count + 1, dtype=np.int64) for _ in axes]
     # How many values are unknown, and where the last of them stands; they agree where only the beginning is unknown.
@@ -81,7 +81,6 @@ def columns_of(trajectory: Trajectory, axes: Sequence[tuple[AxisWord, int]]) -> 
                 numbers[place][first : first + CHUNK] = rounded(values, axis.decimals)
             except ValueError as error:
                 raise NotWritable(f"axis {trajectory.axes[index]}: {error}") from None
-    motions = moving(trajectory)
     return [
         _column(axis, trajectory, index, numbers[place], unknown[place], unknown_to[place], motions)
         for place, (axis, index) in enumerate(axes)

@@ -68,7 +68,7 @@ def write(
     trajectory = verified.trajectory
     if not len(trajectory):
         raise NotWritable("the trajectory has no blocks, so there is no program to write")
-    columns = columns_of(trajectory, controller.addressed(trajectory.axes))
+    columns = columns_of(trajectory, moving(trajectory), controller.addressed(trajectory.axes))
     for column in columns:
         column.check(controller.max_word)
     _check_events(trajectory, controller)
@@ -134,6 +134,7 @@ class _Moves:
     """What the blocks' words do.
 
     Attributes:
+        bare: (n,) motions without words.
         written: (n,) blocks with words of axes that the control interpolates.
         moved: (n,) blocks in which such an axis moves.
         straight: (n,) blocks that have a feed: these but for rapids.
@@ -142,6 +143,7 @@ class _Moves:
         alone: whether those stand in blocks of their own.
     """
 
+    bare: Mask
     written: Mask
     moved: Mask
     straight: Mask
@@ -158,7 +160,8 @@ def _moves(trajectory: Trajectory, columns: Sequence[Column], controller: Contro
     count = len(trajectory)
     written, moved = _any(count, (column.written for column in plain)), _any(count, (c.moved for c in plain))
     put_out, turned = _any(count, (column.written for column in outputs)), _any(count, (c.moved for c in outputs))
-    feeding = moving(trajectory) & (trajectory.kinds != Kind.RAPID)
+    motions = moving(trajectory)
+    feeding = motions & (trajectory.kinds != Kind.RAPID)
     still = feeding & ((written & ~moved) | (put_out & ~turned & ~moved))
     if still.any():
         raise NotWritable(
@@ -171,7 +174,7 @@ def _moves(trajectory: Trajectory, columns: Sequence[Column], controller: Contro
             f"block {block}: axis {joint} moves together with others, but controller {controller.name} moves it in "
             "blocks of its own; take it apart first"
         )
-    return _Moves(written, moved, feeding & moved, put_out, turned, alone)
+    return _Moves(motions & ~written & ~put_out, written, moved, feeding & moved, put_out, turned, alone)
 
 
 def _any(count: int, masks: Iterable[Mask]) -> Mask:
@@ -184,12 +187,11 @@ def _any(count: int, masks: Iterable[Mask]) -> Mask:
 
 def _times(trajectory: Trajectory, moves: _Moves, units: int) -> tuple[Floats, Ints]:
     """Durations (n,) of straight blocks in seconds with those of dropped blocks added, and dwells (n,) in units."""
-    bare = moving(trajectory) & ~moves.written & ~moves.put_out
-    waits = bare | (trajectory.kinds == Kind.DWELL)
+    waits = moves.bare | (trajectory.kinds == Kind.DWELL)
     pauses = np.zeros(len(trajectory), dtype=np.int64)
     pauses[waits] = rounded(trajectory.durations[waits] * units, 0)
     durations = trajectory.durations
-    dropped = np.flatnonzero(bare & (pauses == 0) & (durations > 0))
+    dropped = np.flatnonzero(moves.bare & (pauses == 0) & (durations > 0))
     if not len(dropped):
         return durations, pauses
     # Dropped blocks in a row share their fate: runs end where the next block is kept.

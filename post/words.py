@@ -35,13 +35,13 @@ def rounded(values: NDArray[np.float64], decimals: int) -> NDArray[np.int64]:
         ValueError: a value is not finite, or too large for its last decimal to mean anything (2^53 units).
     """
     scaled = values * 10.0**decimals
-    # NaN fails the comparison too.
-    bad = ~(np.abs(scaled) < _EXACT)
-    if bad.any():
-        raise ValueError(f"{values[bad][0]} has no fixed-point word with {decimals} decimals")
+    # A NaN is the maximum of what it stands in, and fails the comparison.
+    if not np.abs(scaled).max(initial=0.0) < _EXACT:
+        raise ValueError(f"{values[~(np.abs(scaled) < _EXACT)][0]} has no fixed-point word with {decimals} decimals")
     whole = np.rint(scaled)
-    ties = np.abs(scaled - whole) == 0.5
-    if ties.any():
+    off = np.abs(scaled - whole)
+    if off.max(initial=0.0) == 0.5:
+        ties = off == 0.5
         whole[ties] = scaled[ties] + np.copysign(0.5, scaled[ties])
     return whole.astype(np.int64)
 
