@@ -34,12 +34,14 @@ class Coat:
 
     Attributes:
         surface: samples of what can be reached, in `machine`.
+        spacing: distance of samples at most, metres.
         thickness: (m,) metres, or relative to their mean.
         relative: whether the thickness is relative, because the setup has no rate.
         evenness: of the thickness.
     """
 
     surface: Surface
+    spacing: float
     thickness: Floats
     relative: bool
     evenness: Evenness
@@ -61,7 +63,8 @@ def coat_of(samples: SpraySamples, reach: Reach, setup: SpraySetup) -> Coat:
         FootprintRefused: the profile's file cannot be used.
     """
     footprint, spot = footprint_of(setup), setup.spray.spot_mm * MM
-    seen, border = surface_from_above(reach.mesh, spot / _SURFACE_SAMPLES, setup.spray.min_normal_z)
+    spacing = spot / _SURFACE_SAMPLES
+    seen, border = surface_from_above(reach.mesh, spacing, setup.spray.min_normal_z)
     held = reach.holds(seen.points, seen.normals)
     surface = seen.only(held)
     inside = inside_of(surface, np.vstack([border, seen.points[~held]]), spot / 2)
@@ -72,7 +75,7 @@ def coat_of(samples: SpraySamples, reach: Reach, setup: SpraySetup) -> Coat:
     else:
         mean = float(np.average(amount, weights=surface.areas))
         thickness = amount / mean if mean > 0.0 else amount
-    return Coat(surface, thickness, rate is None, evenness(thickness, surface, inside))
+    return Coat(surface, spacing, thickness, rate is None, evenness(thickness, surface, inside))
 
 
 def _spots(samples: SpraySamples, spacing: float) -> Spots:

@@ -21,8 +21,8 @@ _SMOOTHING_SHARE = 0.5
 _LEFT = math.radians(1.5)
 # Share of the full window that stays at the ends of a section, where it has only one side.
 _END_SHARE = 0.25
-# Times that directions are brought near to their facets' normals and averaged again.
-_ROUNDS = 8
+# Times that directions are brought near to their facets' normals; the surroundings go along but for the last.
+_ROUNDS = 5
 # A point is kept where the gun's direction would be off by more without it.
 NORMAL_TOLERANCE = math.radians(0.5)
 
@@ -89,7 +89,7 @@ def smooth(stations: Floats, normals: Floats, exempt: Mask, window: float, reach
 
     Within half the limit of the normals beside each vertex, or, where facets within `reach` are farther apart, within
     what one direction for all of them needs. Where the mean is farther off it is brought as near, and its surroundings
-    are averaged again, so that the gun turns ahead of such a place and not at it.
+    go along, so that the gun turns ahead of such a place and not at it.
 
     Args:
         stations: (n,) arc lengths of the vertices, metres, not decreasing.
@@ -106,18 +106,19 @@ def smooth(stations: Floats, normals: Floats, exempt: Mask, window: float, reach
     ahead, behind = np.vstack([normals, normals[-1:]]), np.vstack([normals[:1], normals])
     ahead, behind = (np.where(np.isnan(one), other, one) for one, other in ((ahead, behind), (behind, ahead)))
     radii = np.where(exempt, np.inf, _radii(stations, normals, reach, limit))
-    for turn in range(_ROUNDS + 1):
+    for last in range(_ROUNDS):
         off = np.maximum(angles_between(means, ahead), angles_between(means, behind))
         far = np.flatnonzero(off > radii)
         if not len(far):
             break
-        means[far] = brought_near(means[far], behind[far], ahead[far], radii[far])
-        if turn < _ROUNDS:
-            low = np.searchsorted(stations, stations[far] - window / 2)
-            high = np.searchsorted(stations, stations[far] + window / 2, "right")
-            changes = np.bincount(low, minlength=len(stations) + 1) - np.bincount(high, minlength=len(stations) + 1)
-            near = np.cumsum(changes)[:-1] > 0
-            means[near] = _averaged(stations, means, full / 2)[near]
+        turns = brought_near(means[far], behind[far], ahead[far], radii[far]) - means[far]
+        # The turn is given to the surroundings as well, less and less up to the reach.
+        shares = np.maximum(1.0 - np.abs(stations[:, None] - stations[far]) / reach, 0.0)
+        most = np.argmax(shares * np.linalg.norm(turns, axis=1), axis=1)
+        if last < _ROUNDS - 1:
+            means = _unit(means + shares[np.arange(len(stations)), most][:, None] * turns[most])
+        else:
+            means[far] += turns
     return Smoothed(means, np.maximum(angles_between(means, ahead), angles_between(means, behind)))
 
 
@@ -222,23 +223,15 @@ def _radii(stations: Floats, normals: Floats, reach: float, limit: float) -> Flo
 
 
 def _means(stations: Floats, normals: Floats, widths: Floats) -> Floats:
-    """Unit mean (n, 3) of the normals of the stretches in windows of (n,) metres round the vertices."""
-    weighted = np.nan_to_num(normals) * np.diff(stations)[:, None]
-    total = np.vstack([np.zeros(3), np.cumsum(weighted, axis=0)])
-    return _unit(_over(stations, total, widths))
-
-
-def _averaged(stations: Floats, directions: Floats, widths: Floats) -> Floats:
-    """Unit mean (n, 3) of directions that go straight from vertex to vertex, in windows of (n,) metres."""
-    between = (directions[1:] + directions[:-1]) / 2 * np.diff(stations)[:, None]
-    total = np.vstack([np.zeros(3), np.cumsum(between, axis=0)])
-    return _unit(_over(stations, total, widths))
-
-
-def _over(stations: Floats, total: Floats, widths: Floats) -> Floats:
-    """Difference (n, 3) of a running total (n, 3) over windows of (n,) metres."""
+    """Unit mean (n, 3) of the normals in windows of (n,) metres round the vertices; of none, of the two beside."""
+    real = np.nan_to_num(normals)
+    total = np.vstack([np.zeros(3), np.cumsum(real * np.diff(stations)[:, None], axis=0)])
     low, high = stations - widths / 2, stations + widths / 2
-    return np.stack([np.interp(high, stations, column) - np.interp(low, stations, column) for column in total.T], 1)
+    means = np.stack([np.interp(high, stations, column) - np.interp(low, stations, column) for column in total.T], 1)
+    beside = np.vstack([real, np.zeros(3)]) + np.vstack([np.zeros(3), real])
+    # A window this narrow differs by rounding alone.
+    narrow = np.linalg.norm(means, axis=1) < 1e-9
+    return _unit(np.where(narrow[:, None], beside, means))
 
 
 def _unit(vectors: Floats) -> Floats:

@@ -63,7 +63,6 @@ def coat_plots(plan: Plan, coat: Coat) -> list[Element]:
     along = (end - begin) / np.linalg.norm(end - begin)
     across = np.array([-along[1], along[0]])
     away = coat.surface.points[:, :2] - (begin + end) / 2
-    spacing = math.sqrt(float(np.median(coat.surface.areas)))
     words = f"Mean {mean:.4g}{unit}; standard deviation {even.cv_percent:.2f} % of the mean, "
     words += f"without a border band of one spot radius {even.cv_interior_percent:.2f} %; {even.coverage_percent:.2f} %"
     words += " of the area has more than half of what is the mean without that band. Dashed: the mean."
@@ -72,7 +71,7 @@ def coat_plots(plan: Plan, coat: Coat) -> list[Element]:
         (f"along pass {longest.path.number}", along, across),
         (f"across the passes, through the middle of pass {longest.path.number}", across, along),
     ):
-        near = np.abs(away @ other) <= spacing / 2
+        near = np.abs(away @ other) <= coat.spacing / 2
         order = np.argsort(away[near] @ axis)
         places = (away[near] @ axis)[order] / MM
         curve = Curve("first", places, values[near][order])
@@ -105,7 +104,7 @@ def _highest(values: Floats) -> float:
 def _map(panel: Panel, coat: Coat, values: Floats, scale: float, highest: float) -> list[Element]:
     """Cells by colour; each has the mean of the samples in it."""
     surface = coat.surface
-    cell = max(LEAST_CELL, 1.05 * math.sqrt(float(np.median(surface.areas))) / MM * scale)
+    cell = max(LEAST_CELL, 1.1 * coat.spacing / MM * scale)
     columns = ((panel.across(surface.points[:, 0] / MM) - panel.left) / cell).astype(np.int64)
     rows = ((panel.down(surface.points[:, 1] / MM) - panel.top) / cell).astype(np.int64)
     width = int(columns.max()) + 1
