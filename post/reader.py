@@ -587,7 +587,7 @@ def _check_letters(
     """Note words that the control does not know, or that have no meaning where they stand."""
     for letter, belongs in used.items():
         for line in np.flatnonzero(~np.isnan(arguments[letter]) & ~belongs).tolist():
-            words.fault_in(line, ord(letter), f"a {letter} word has no meaning in this block; remove it")
+            words.fault_in(line, ord(letter), f"the {letter} word has no meaning in this block; remove it")
     ignored = {word for word in controller.codes.no_effect if len(word) == 1}
     known = np.zeros(256, dtype=bool)
     known[[ord(letter) for letter in {"N", "G", "M"} | set(arguments) | ignored] + list(axes)] = True

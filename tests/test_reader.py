@@ -233,7 +233,7 @@ REFUSED = [
     ("G04", ["2:1: expected G04 P and the seconds, nothing else"]),
     ("G04 P-1", ["2:1: expected G04 P and the seconds, nothing else"]),
     ("G04 P1 X5", ["2:1: expected G04 P and the seconds, nothing else"]),
-    ("G00 X5 P2", ["2:8: a P word has no meaning in this block; remove it"]),
+    ("G00 X5 P2", ["2:8: the P word has no meaning in this block; remove it"]),
     ("G00 X1..5 Y--2 Z1e3", [
         "2:5: expected a number after X, got 1..5",
         "2:11: expected a number after Y, got --2",
@@ -326,7 +326,7 @@ def test_arcs_count_the_third_axis_and_increments() -> None:
         ("G02 X0 I5 F60", "2:1: begin and end of a circular block lie 5.000 and 5.000 mm from its centre; expected "
                           "equal distances and an end apart from the begin"),
         ("G02 X10 I5", "2:1: a feed motion without a feed word; give it one"),
-        ("G01 X10 I5 F60", "2:9: a I word has no meaning in this block; remove it"),
+        ("G01 X10 I5 F60", "2:9: the I word has no meaning in this block; remove it"),
         ("G17 G18 G02 X10 I5", "2:5: a second plane in one block; write it in a block of its own"),
     ],
 )  # fmt: skip
@@ -395,7 +395,7 @@ def test_axes_that_a_word_takes_ride_with_a_motion_or_alone() -> None:
         ),
         ("linuxcnc", "M68 E1 Q5", "4:1: M68 is no word of controller linuxcnc"),
         ("linuxcnc", "M62 P9", "4:1: M62 is no word of controller linuxcnc"),
-        ("linuxcnc", "G64 P1", "4:5: a P word has no meaning in this block; remove it"),
+        ("linuxcnc", "G64 P1", "4:5: the P word has no meaning in this block; remove it"),
         ("linuxcnc", "G1 X1", "4:1: a feed motion without a feed word; give it one"),
     ],
 )
