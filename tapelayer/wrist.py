@@ -302,6 +302,10 @@ class _Route:
         target[plan.stations - first] = plan.theta
 
         lower, upper = self._theta_bounds(rows, target)
+        # A planned state is in order by its lean; by its turn rounding may put it outside.
+        planned = plan.stations - first
+        lower[planned] = np.minimum(lower[planned], plan.theta)
+        upper[planned] = np.maximum(upper[planned], plan.theta)
         length = self._passable(first, lower, upper, self.theta_turned[rows])
         rows = rows[:length]
         theta = _within(target[:length], lower[:length], upper[:length], self.theta_turned[rows])
