@@ -13,8 +13,8 @@ from tapelayer.evidence import Failure, TapeLedger
 from tapelayer.machine import Machine
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.trajectory import Event, Kind, Trajectory
+from tests.plies import exported, job_of
 from tests.surfaces import flat_course, helix_course, setup_of
-from tests.test_plies import exported, job_of
 
 MACHINE = Machine.load()
 NAMES = MACHINE.names
