@@ -511,7 +511,10 @@ def _held(trajectory: Trajectory, on: Event, off: Event, delay: float) -> Floats
 
 
 class _Curve:
-    """A course's curve as a B-spline: not-a-knot over arc length, 2 points a line, 3 a parabola."""
+    """A course's curve as a B-spline: not-a-knot over arc length, 2 points a line, 3 a parabola.
+
+    Before its start it is its start and beyond its end its end: a cubic has nothing to say out there.
+    """
 
     def __init__(self, path: Toolpath) -> None:
         self.path = path
@@ -523,12 +526,12 @@ class _Curve:
 
     def at(self, arc_lengths: Floats) -> Floats:
         """Points and normals (n, 6), the latter of any length, at (n,) arc lengths in metres."""
-        values: Floats = self._spline(arc_lengths)
+        values: Floats = self._spline(np.clip(arc_lengths, 0.0, self.length))
         return values
 
     def slopes(self, arc_lengths: Floats) -> Floats:
         """Tangents (n, 3) of about unit length at (n,) arc lengths in metres."""
-        slopes: Floats = self._slopes(arc_lengths)
+        slopes: Floats = self._slopes(np.clip(arc_lengths, 0.0, self.length))
         return slopes
 
     def point(self, arc_length: float) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tapelayer import gantry, verification
-from tapelayer.course import read_courses
+from tapelayer.course import Course, read_courses
 from tapelayer.errors import VerificationFailed
 from tapelayer.evidence import Evidence, Failure
 from tapelayer.laying import plan
@@ -233,3 +233,14 @@ def test_every_shared_course_file_is_laid(shared: object, name: str, text: str) 
     turns = np.abs(trajectory.positions[laying] - trajectory.begins(laying))[:, [COLUMN["c"], COLUMN["a"]]]
     assert np.max(turns) < 10 * DEG
     assert gantry.lengths(machine).radius == pytest.approx(0.04)
+
+
+def test_a_dense_course_with_few_digits_is_measured_to_its_very_end() -> None:
+    """1,500 points 0.5 mm apart over a mould of R 900, written to 0.001 mm: the nip is sought a roller's wrap away."""
+    angle = np.linspace(-25 * DEG, 25 * DEG, 1500)
+    normals = np.stack([0 * angle, np.sin(angle), np.cos(angle)], axis=1)
+    points = np.round(0.9 * normals + [0.5, 1.0, -0.7], 6)
+    course = Course(1, points, normals, 0.9 * (angle - angle[0]), (90 * DEG, 90 * DEG))
+    samples = verify(plan([course], SETUP, MACHINE), [course], SETUP, MACHINE).evidence.samples
+    assert np.max(samples.position_errors) <= 0.03 * MM
+    assert np.max(np.abs(samples.tape_errors)) <= 0.03 * MM
