@@ -240,7 +240,9 @@ class Inspector:
             judged.append(("roller_tilt_deg", np.abs(samples.tilts) / DEG, limits.max_roller_tilt_deg))
         if not self.published or "max_heading_error_deg" in chosen:
             judged.append(("heading_error_deg", np.abs(samples.heading_errors) / DEG, limits.max_heading_error_deg))
-        speeds = self._lay_speeds(samples, 2 * float(np.max(digits[self._slides])))
+        # Where the nip is, is known from the tape fed to within the tolerance that blocks are laid out for.
+        doubt = 2 * float(np.max(digits[self._slides])) + self.setup.process.tolerance_mm * MM
+        speeds = self._lay_speeds(samples, doubt)
         lay_speed = self.setup.process.lay_speed_mm_per_s * (1 + NIP_SPEED_MARGIN)
         judged.append(("lay_speed_mm_per_s", speeds / MM, lay_speed))
         found = []
@@ -259,14 +261,14 @@ class Inspector:
         return failures
 
     @staticmethod
-    def _lay_speeds(samples: Samples, digit: float) -> Floats:
-        """Speed (n,) of the nip over each block, at its end, m/s, the way shortened by `digit` metres; 0 elsewhere."""
+    def _lay_speeds(samples: Samples, doubt: float) -> Floats:
+        """Speed (n,) of the nip over each block, at its end, m/s, the way shortened by `doubt` metres; 0 elsewhere."""
         ends = np.flatnonzero(samples.block_ends)
         ways, spans = np.diff(samples.arc_lengths[ends]), np.diff(samples.times[ends])
         going = (np.diff(samples.courses[ends]) == 0) & (ways > 0.0)
         speeds = np.zeros(len(samples.times))
         with np.errstate(divide="ignore", invalid="ignore"):
-            speeds[ends[1:]] = np.where(going, (ways - digit) / spans, 0.0)
+            speeds[ends[1:]] = np.where(going, (ways - doubt) / spans, 0.0)
         return speeds
 
     def _axes(self, trajectory: Trajectory, digits: Floats) -> tuple[tuple[AxisUse, ...], list[Failure]]:
