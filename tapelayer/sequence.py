@@ -81,6 +81,8 @@ class _Gap:
         normals: (m + 1, 3) head normals there.
         moves: (m,) True where the head moves.
         turns: (m,) True where it turns.
+        lowest: (m, 9) the roller's lowest point above the highest course point, metres, where a block is looked at.
+        top: (m, 9) True where the head is at the end of its travel.
     """
 
     behind: int
@@ -92,6 +94,8 @@ class _Gap:
     normals: Floats
     moves: Mask
     turns: Mask
+    lowest: Floats
+    top: Mask
 
     def block(self, place: int) -> int:
         """The block at a place of the gap, or the one around it where the place is beyond."""
@@ -192,22 +196,43 @@ class _Judge:
         ends, begins = [course.end + slack for course in self.courses], [c.begin + slack for c in self.courses]
         firsts = np.append(known, np.searchsorted(trajectory.times, ends, side="right"))
         lasts = np.append(np.searchsorted(trajectory.times, begins, side="right"), len(trajectory))
-        for behind, (first, last) in enumerate(zip(firsts.tolist(), lasts.tolist(), strict=True), -1):
-            nodes = slice(first - 1, max(first, last))
-            joints = trajectory.positions[nodes]
-            pose = self.machine.columns(joints, "roller")
-            steps = np.diff(joints, axis=0)
+        nodes = [
+            np.arange(first - 1, max(first, last)) for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True)
+        ]
+        # The chain is walked once for all gaps: a walk costs more than the few samples of a gap.
+        borders = np.cumsum([len(places) for places in nodes])[:-1]
+        pose = self.machine.columns(trajectory.positions[np.concatenate(nodes)], "roller")
+        centres = np.split(np.stack(np.broadcast_arrays(*pose.translation), axis=1), borders)
+        normals = np.split(np.stack(np.broadcast_arrays(*(row[2] for row in pose.rotation)), axis=1), borders)
+        rows = np.concatenate([places[1:] for places in nodes])
+        borders = np.cumsum([len(places) - 1 for places in nodes])[:-1]
+        above, at_top = self._lowest(rows)
+        lowest, top = np.split(above, borders), np.split(at_top, borders)
+        for gap, places in enumerate(nodes):
+            steps = np.diff(trajectory.positions[places], axis=0)
             yield _Gap(
-                behind=behind,
-                first=first,
-                rows=np.arange(first, max(first, last)),
-                times=trajectory.times[nodes],
+                behind=gap - 1,
+                first=int(firsts[gap]),
+                rows=places[1:],
+                times=trajectory.times[places],
                 steps=steps,
-                centres=np.stack(np.broadcast_arrays(*pose.translation), axis=1),
-                normals=np.stack(np.broadcast_arrays(*(row[2] for row in pose.rotation)), axis=1),
+                centres=centres[gap],
+                normals=normals[gap],
                 moves=np.any(steps[:, self.pose] != 0.0, axis=1),
                 turns=np.any(steps[:, self.pose[3:]] != 0.0, axis=1),
+                lowest=lowest[gap],
+                top=top[gap],
             )
+
+    def _lowest(self, rows: Ints) -> tuple[Floats, Mask]:
+        """Where blocks (m,) are looked at: metres (m, 9) above the part, and True (m, 9) at the end of the travel."""
+        blocks, shares = np.repeat(rows, len(LOOKED_AT)), np.tile(LOOKED_AT, len(rows))
+        joints = self.trajectory.within(blocks, shares)
+        pose = self.machine.columns(joints, "roller")
+        edge = self.half_width * np.abs(pose.rotation[2][1])
+        lowest = np.broadcast_to(pose.translation[2] - self.roller_radius - edge - self.highest, len(joints))
+        top = joints[:, self.z] <= self.machine.axes[self.z].lower + self.digits[self.z]
+        return lowest.reshape(-1, len(LOOKED_AT)), top.reshape(-1, len(LOOKED_AT))
 
     def auxiliary_roller(self, gap: _Gap) -> None:
         """The auxiliary roller goes down behind the course's start and up behind its end, each by its lag."""
@@ -292,20 +317,16 @@ class _Judge:
         """From place `first` to `last` of a gap the head turns and goes sideways only over the part."""
         over = np.flatnonzero(np.any(gap.steps[first:last][:, self.sideways] != 0.0, axis=1)) + first
         blocks = np.repeat(gap.rows[over], len(LOOKED_AT))
-        joints = self.trajectory.within(blocks, np.tile(LOOKED_AT, len(over)))
+        lowest, top = gap.lowest[over].ravel(), gap.top[over].ravel()
+        if len(over):
+            self.least_clearance = min(self.least_clearance, float(np.min(lowest)))
         if gap.behind < 0 and len(gap.rows):
             # The way to where every axis is stated first is over the part where it ends.
             blocks = np.append(blocks, gap.rows[0] - 1)
-            joints = np.vstack([joints, self.trajectory.positions[gap.rows[:1] - 1]])
-        if not len(joints):
+            lowest, top = np.append(lowest, gap.lowest[0, 0]), np.append(top, gap.top[0, 0])
+        if not len(blocks):
             return
-        pose = self.machine.columns(joints, "roller")
-        edge = self.half_width * np.abs(pose.rotation[2][1])
-        lowest = np.broadcast_to(pose.translation[2] - self.roller_radius - edge - self.highest, len(joints))
-        if len(over):
-            self.least_clearance = min(self.least_clearance, float(np.min(lowest[: len(over) * len(LOOKED_AT)])))
         # At the end of its travel the head can go no higher.
-        top = joints[:, self.z] <= self.machine.axes[self.z].lower + self.digits[self.z]
         wanted = np.where(top, 0.0, self.clearance)
         worst = int(np.argmax(wanted - lowest))
         if not lowest[worst] >= wanted[worst] - REACHED:
