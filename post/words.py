@@ -90,7 +90,7 @@ def join(rows: int, columns: Iterable[tuple[NDArray[np.int64] | None, Cells]]) -
     page = bytearray(rows * len(placed) * _CELL.itemsize)
     table = np.frombuffer(page, dtype=_CELL).reshape(rows, -1)
     for column, (at, cell) in enumerate(placed):
-        table[at, column] = cell
+        table[:, column][at] = cell
     return bytes(page.translate(None, b"\0"))
 
 
