@@ -162,7 +162,8 @@ class _Planner:
 
     def _heights(self, layer: int, direction: Floats) -> Floats:
         """Heights (p,) of a layer's planes, between those of the last layer along the same lines."""
-        heights = plane_heights(self.reach.mesh, direction, self.pitch)
+        # A part that is some pitches wide has no further plane for the last bit of its width.
+        heights = plane_heights(self.reach.mesh, direction, self.pitch * (1.0 + ROUNDING))
         angles = [math.cos(2 * (self.travel(other) - self.travel(layer))) for other in range(layer)]
         shift = (sum(angle > 1.0 - 1e-9 for angle in angles) * self.spray.layer_shift) % 1.0
         if not shift:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from trimesh.triangles import closest_point
 
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import VerificationFailed
@@ -206,8 +205,7 @@ class SprayInspector:
             cosine = np.einsum("ij,ij->i", axes[on], self.normals[under])
             sine = np.linalg.norm(np.cross(axes[on], self.normals[under]), axis=1)
             deviations[side, on] = np.arctan2(sine, cosine)
-            nearest = _closest(self.triangles[under], points[on])
-            distances[side, on] = np.linalg.norm(nearest - points[on], axis=1)
+            distances[side, on] = distances_to(self.triangles[under], points[on])
         low, high = found.exempt.T
         exempt = np.searchsorted(low, arcs + AT_EDGE, "right") > np.searchsorted(high, arcs - AT_EDGE)
         samples = SpraySamples(
@@ -480,12 +478,17 @@ def _nearest(path: Floats, places: Floats, points: Floats, segments: Ints) -> tu
     return arcs, distances[row, best]
 
 
-def _closest(triangles: Floats, points: Floats) -> Floats:
-    """Point (n, 3) of each triangle (n, 3, 3) nearest to each point (n, 3)."""
-    if not len(points):
-        return points
-    nearest: Floats = closest_point(triangles, points)  # type: ignore[no-untyped-call]
-    return nearest
+def distances_to(triangles: Floats, points: Floats) -> Floats:
+    """Distance (n,) of each point (n, 3) from its triangle (n, 3, 3), in their unit."""
+    begins, ways = triangles, np.roll(triangles, -1, axis=1) - triangles
+    away = points[:, None] - begins
+    normals = np.cross(ways[:, 0], ways[:, 1])
+    normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+    over = np.all(np.einsum("nij,nij->ni", np.cross(ways, away), normals[:, None]) >= 0.0, axis=1)
+    share = np.einsum("nij,nij->ni", away, ways) / np.einsum("nij,nij->ni", ways, ways)
+    to_edges = np.linalg.norm(away - np.clip(share, 0.0, 1.0)[..., None] * ways, axis=2).min(axis=1)
+    distances: Floats = np.where(over, np.abs(np.einsum("ij,ij->i", away[:, 0], normals)), to_edges)
+    return distances
 
 
 def _facets_at(found: Pass, arcs: Floats) -> Ints:

@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import trimesh
 from panels import flat, mesh_of, sheet
 
 from tapelayer.arrays import Floats
@@ -20,7 +21,7 @@ from tapelayer.reach import placed, placement
 from tapelayer.setup import DEG, MM, parse_setup
 from tapelayer.spray_evidence import SprayEvidence, SprayFailure
 from tapelayer.spray_setup import SpraySetup
-from tapelayer.spray_verification import SprayInspector
+from tapelayer.spray_verification import SprayInspector, distances_to
 from tapelayer.spraying import Spraying, spray
 from tapelayer.trajectory import Event, Kind, Trajectory
 from urdf import SPRAYER
@@ -272,3 +273,12 @@ def test_a_program_without_any_arc_fails() -> None:
     evidence = examined(without(trajectory, gone), "plate")
     assert [failure.what for failure in evidence.failures] == ["sprayed_length_mm"] * 4
     assert evidence.arc_time == 0.0 and len(evidence.samples.times) == 0
+
+
+def test_distance_from_a_triangle_is_trimesh_s() -> None:
+    chance = np.random.default_rng(5)
+    triangles, points = chance.normal(size=(3000, 3, 3)), 2 * chance.normal(size=(3000, 3))
+    points[:50] = triangles[:50, 0]
+    points[50:100] = triangles[50:100].mean(axis=1)
+    expected = np.linalg.norm(trimesh.triangles.closest_point(triangles, points) - points, axis=1)
+    np.testing.assert_allclose(distances_to(triangles, points), expected, atol=1e-12)
