@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from tapelayer.arrays import Floats, Ints
 from tapelayer.trajectory import Event, Kind
 
-# Two times closer than this are one block boundary.
-SAME_TIME = 1e-9
+# Two times no farther apart, in seconds, are one block boundary: shorter blocks have no exact speed.
+SAME_TIME = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +103,14 @@ class Stroke:
         nodes = np.column_stack([self.path, np.concatenate(self.arcs)])
         words = sorted(self.words, key=lambda word: word[0])
         at = np.array([times[node] - delay for node, delay, _ in words])
-        # Nodes that no time lies between are one: words of both stand there.
-        kept = np.append(np.diff(times) > 0.0, True)
+        # Nodes that no time lies between are one: words of both stand there. So are words that fall together.
+        kept = np.append(np.diff(times) > SAME_TIME, True)
         times, nodes = times[kept], nodes[kept]
         if np.min(at, initial=0.0) < times[0] - SAME_TIME:
             times, nodes = np.append(np.min(at), times), np.vstack([nodes[:1], nodes])
+        sorted_at = np.sort(at)
+        firsts = sorted_at[np.diff(sorted_at, prepend=-np.inf) > SAME_TIME]
+        at = firsts[np.searchsorted(firsts, at, side="right") - 1]
         nearest = times[_nearest(times, at)]
         at = np.where(np.abs(nearest - at) <= SAME_TIME, nearest, at)
         if len(new := np.unique(at[at != nearest])):

@@ -95,7 +95,7 @@ def test_rows_are_the_way_with_every_word_in_its_place(case: Case) -> None:
     # A block moves and takes time, or waits, or switches.
     begins = np.vstack([case.nodes[:1], rows.joints[:-1]]) if len(rows.joints) else np.zeros((0, 2))
     moves = np.any(rows.joints != begins, axis=1)
-    assert np.all(rows.durations[rows.kinds != Kind.SWITCH] > 0.0)
+    assert np.all(rows.durations[rows.kinds != Kind.SWITCH] > SAME_TIME / 2)
     assert np.array_equal(rows.kinds == Kind.LINEAR, moves)
     if len(rows.joints):
         assert rows.joints[-1].tolist() == case.nodes[-1].tolist()
@@ -192,6 +192,16 @@ def test_a_word_a_hair_from_a_node_stands_on_it() -> None:
     stroke = there_and_back()
     stroke.switch(Event.KNIFE_1_DOWN, 1.0 + SAME_TIME / 2, 2)
     assert said(stroke.rows(stroke.times(SPEEDS))) == ["to 0.5 1", "KNIFE_1_DOWN", "wait 1", "to 0 1"]
+
+
+def test_no_block_is_too_short_to_have_a_speed() -> None:
+    """Words that rounding sets apart, and a node a hair farther on, are one boundary."""
+    stroke = there_and_back()
+    stroke.step(np.array([1e-16, 0.0]), 0.0)
+    stroke.switch(Event.KNIFE_1_UP, 0.1 + 0.2, 3)
+    stroke.switch(Event.SHOE_UP, 0.3, 3)
+    rows = stroke.rows(stroke.times(SPEEDS))
+    assert said(rows) == ["to 0.5 1", "wait 1", "to 0.15 0.7", "KNIFE_1_UP", "SHOE_UP", "to 1e-16 0.3"]
 
 
 def test_a_stroke_that_goes_nowhere_only_says_its_words() -> None:
