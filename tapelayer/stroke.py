@@ -105,7 +105,8 @@ class Stroke:
         at = np.array([times[node] - delay for node, delay, _ in words])
         # Nodes that no time lies between are one: words of both stand there. So are words that fall together.
         kept = np.append(np.diff(times) > SAME_TIME, True)
-        times, nodes = times[kept], nodes[kept]
+        start, times, nodes = nodes[:1], times[kept], nodes[kept]
+        nodes[:1] = start
         if np.min(at, initial=0.0) < times[0] - SAME_TIME:
             times, nodes = np.append(np.min(at), times), np.vstack([nodes[:1], nodes])
         sorted_at = np.sort(at)
