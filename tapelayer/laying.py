@@ -16,8 +16,9 @@ from tapelayer.linearisation import CourseMotion, Poses, block_ends
 from tapelayer.machine import Axis, Machine
 from tapelayer.progress import Tick, silent
 from tapelayer.setup import DEG, MM, Setup
+from tapelayer.stations import TOUCH, Head
 from tapelayer.stroke import Rows, Stroke
-from tapelayer.tape import TOUCH, Head, Step, TapePlan, plan_tape
+from tapelayer.tape import Step, TapePlan, plan_tape
 from tapelayer.toolpath import Toolpath, placed
 from tapelayer.trajectory import Event, Kind, Trajectory
 

@@ -22,7 +22,8 @@ from tapelayer.errors import (
     CutsCross,
     TapeWiderThanTravel,
 )
-from tapelayer.tape import Head, Step, Steps, TapePlan, plan_tape
+from tapelayer.stations import Head
+from tapelayer.tape import Step, Steps, TapePlan, plan_tape
 
 HEAD = Head(
     tape_width=0.3,
