@@ -372,7 +372,8 @@ def _check_sources(
         )
         raise SetupRefused(program, [Fault(0, sentence)])
     if source_sha256 and source_sha256 != job.provenance.source_sha256:
-        sys.stderr.write(f"{program}: its header names another source than {courses}\n")
+        kind = "model" if isinstance(job, SprayJob) else "course file"
+        sys.stderr.write(f"{program}: its header names another {kind} than {courses}\n")
 
 
 def _reports(
