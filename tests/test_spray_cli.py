@@ -243,3 +243,10 @@ def test_a_single_facet_is_sprayed_and_a_wall_refused(tmp_path: Path) -> None:
     write_stl(tmp_path / "wall.stl", np.array([[[0, 0, 0], [200, 0, 0], [0, 0, 200]]]))
     refused = run("spray", "wall.stl", cwd=tmp_path, expect=2).stderr
     assert refused.startswith("wall.stl: no pass can be sprayed on it: of the surface 200 cm2 too steep")
+
+
+def test_the_documents_name_every_key(sprayed: Path) -> None:
+    text = (ROOT / "docs" / "spray.md").read_text()
+    report = json.loads((sprayed / "a.json").read_text())
+    rows = text[text.index("## The report") :]
+    assert [key for key in report if f"`{key}`" not in rows] == []
