@@ -179,7 +179,7 @@ class _Program:
             stroke.switch(Event.STOP, 0.0)
             # The control stops for as long as it takes: no word for what follows may stand before.
             self._add(stroke, course, 0, 0)
-            stroke = Stroke.begun(stroke.at)
+            stroke = Stroke.begun(self.at)
         self._feed(stroke, threading, float(tape.threaded[course]))
         self._feed(stroke, threading[1:].repeat(2), float(tape.begins[course]))
 
