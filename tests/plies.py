@@ -42,6 +42,25 @@ def cut_at(courses: tuple[Course, ...], *angles: float) -> tuple[Course, ...]:
     return tuple(replace(course, cut_angles=(start, end)) for course, (start, end) in zip(courses, ends, strict=True))
 
 
+def saddle_course(number: int, heading: float, length: float = 0.8, radius: float = 0.8, x: float = 0.8) -> Course:
+    """A course straight in plan over z = (x^2 - y^2) / (2 radius), through the saddle's middle at a heading."""
+    way = np.array([math.sin(heading), math.cos(heading)])
+    bend = (way[0] ** 2 - way[1] ** 2) / radius
+    fine = np.linspace(-length / 2, length / 2, 20001)
+    # The arc length of a parabola in closed form, at plan lengths t.
+    if abs(bend) < 1e-9:
+        arcs = fine
+    else:
+        arcs = (fine * np.sqrt(1 + (bend * fine) ** 2) + np.arcsinh(bend * fine) / bend) / 2
+    lengths = np.linspace(arcs[0], arcs[-1], 161)
+    t = np.interp(lengths, arcs, fine)
+    plan = t[:, None] * way
+    points = np.column_stack([plan, bend * t**2 / 2]) + [x, 1.0, 0.0]
+    normals = np.column_stack([-plan[:, 0] / radius, plan[:, 1] / radius, np.ones_like(t)])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    return Course(number, points, normals, lengths - lengths[0], (math.pi / 2, math.pi / 2))
+
+
 class Chance:
     """What a seed draws."""
 

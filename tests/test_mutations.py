@@ -207,6 +207,21 @@ def feed_doubled(lines: Sequence[Line]) -> Iterator[Mutant]:
             yield edited(lines, line.index, line.index + 1, text)
 
 
+def feed_written(lines: Sequence[Line]) -> Iterator[Mutant]:
+    """A feed of its own, twice that in force, where a block of plunge, run-out or retract had none."""
+    feed = 0.0
+    for line in lines:
+        feed = float(line.word("F") or feed)
+        if not line.word("F") and line.motion == "G01" and line.moved <= set("XYZ") and line.moved:
+            yield edited(lines, line.index, line.index + 1, f"{line.text} F{2 * feed:.3f}")
+
+
+def first_motion_dropped(lines: Sequence[Line]) -> Iterator[Mutant]:
+    """Z first, alone: without it the head sets out for all axes at once, from wherever it is."""
+    first = next(line for line in lines if line.motion)
+    yield edited(lines, first.index, first.index + 1, first.text.split()[0] + " G00")
+
+
 def word_replaced(old: str, new: str) -> Kind:
     def mutants(lines: Sequence[Line]) -> Iterator[Mutant]:
         for line in lines:
@@ -412,6 +427,8 @@ KINDS: dict[str, Kind] = {
     "a rapid dropped": dropped(lambda line: line.motion == "G00"),
     "two blocks swapped": blocks_swapped,
     "F doubled": feed_doubled,
+    "F doubled where it was not written": feed_written,
+    "no Z before all axes": first_motion_dropped,
     "G01 for G00 while a knife is down": word_replaced("G01", "G00"),
     "G91 for G90": word_replaced("G90", "G91"),
     "M30 in front": inserted("M30", laid),

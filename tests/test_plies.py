@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tapelayer.course import read_courses
@@ -23,7 +24,7 @@ from tapelayer.errors import (
     TapeWiderThanTravel,
 )
 from tapelayer.setup import DEG, MM
-from tests.plies import CONTROLLER, Chance, cut_at, exported, job_of
+from tests.plies import CONTROLLER, Chance, cut_at, exported, job_of, saddle_course
 from tests.replay import faults_of_the_tape, replayed
 from tests.surfaces import flat_course, helix_course, setup_of
 
@@ -100,6 +101,19 @@ def test_tape_is_taken_back_in_the_air_with_both_knives_up(angle: float, sweep_t
     assert (evidence.tape_taken_back > max(back) + 100 * MM) == sweep_to_end
     if not sweep_to_end:
         assert evidence.tape_taken_back == pytest.approx(max(back), abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [20, 90, 130])
+def test_tape_over_a_saddle_is_fed_with_the_wrap(angle: float) -> None:
+    """Climbing and falling, level and hollow: the nip moves round the roller, and every cut is where it belongs."""
+    courses = tuple(saddle_course(k + 1, heading) for k, heading in enumerate((0.0, 0.5, 0.8, 1.2)))
+    job = job_of(cut_at(courses, angle), setup_of("[machine]\nlimits_deg = {c = [-180, 180], a = [-60, 60]}"))
+    text, evidence = exported(job)
+    assert evidence.passed, evidence.worst(5)
+    wraps = [evidence.samples.wraps[evidence.samples.courses == course] for course in range(4)]
+    assert max(np.ptp(wrap) for wrap in wraps) * 40 > 10.0
+    assert evidence.tape_taken_back > 10 * MM
+    assert faults_of_the_tape(text, job.courses, job.setup, job.machine) == []
 
 
 def test_a_ply_beyond_the_longest_word_is_refused_by_name() -> None:
