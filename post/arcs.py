@@ -109,9 +109,12 @@ def _bent(way: Floats, others: Floats, flat: Mask, joined: Mask, tolerance: floa
     for point in (p[1], p[3]):
         good &= _off_circle(p[0], p[2], p[4], point) <= tolerance
     lengths = np.cumsum([np.hypot(*(p[step + 1] - p[step]).T) for step in range(LEAST_BLOCKS)], axis=0)
+    # Where nothing moves in the plane there is no circle, whatever else moves.
+    moving = lengths[-1] > 0.0
+    good &= moving
     whole = others[begins + LEAST_BLOCKS] - others[begins]
     for step in range(1, LEAST_BLOCKS):
-        share = lengths[step - 1] / lengths[-1]
+        share = lengths[step - 1] / np.where(moving, lengths[-1], 1.0)
         good &= np.all(np.abs(others[begins + step] - others[begins] - share[:, None] * whole) <= tolerance, axis=1)
     bent[begins] = good
     return bent
