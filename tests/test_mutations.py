@@ -302,7 +302,8 @@ def knife_up_early(lines: Sequence[Line]) -> Iterator[Mutant]:
             continue
         short = 1.0 - 5.0 / abs(last.after[slide] - last.before[slide])
         words = [f"{a}{last.before[a] + short * (last.after[a] - last.before[a]):.3f}" for a in sorted(last.moved)]
-        yield edited(lines, last.index, up.index + 1, " ".join(["G01", *words]), up.text, last.text)
+        feed = [f"F{last.word('F')}"] if last.word("F") else []
+        yield edited(lines, last.index, up.index + 1, " ".join(["G01", *words, *feed]), up.text, last.text)
 
 
 def knife_parked_inside(lines: Sequence[Line]) -> Iterator[Mutant]:
@@ -429,7 +430,7 @@ KINDS: dict[str, Kind] = {
     "F doubled": feed_doubled,
     "F doubled where it was not written": feed_written,
     "no Z before all axes": first_motion_dropped,
-    "G01 for G00 while a knife is down": word_replaced("G01", "G00"),
+    "G00 for G01": word_replaced("G01", "G00"),
     "G91 for G90": word_replaced("G90", "G91"),
     "M30 in front": inserted("M30", laid),
     "the rest cut off": cut_off,
