@@ -10,11 +10,12 @@ import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask, frozen
 from tapelayer.errors import NothingToSpray
+from tapelayer.flanks import flank_heights, on_flanks
 from tapelayer.machine import Machine
 from tapelayer.mesh import Mesh
 from tapelayer.reach import ROUNDING, SAME_POINT, Reach, Segments
 from tapelayer.setup import DEG, MM
-from tapelayer.slicing import areas_from_above, plane_direction, plane_heights
+from tapelayer.slicing import areas_from_above, plane_direction, plane_heights, strip_widths
 from tapelayer.smoothing import NORMAL_TOLERANCE, Smoothed, creases, kept, smooth
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.toolpath import Toolpath
@@ -144,6 +145,24 @@ class _Planner:
         segments, beyond_share = self.reach.segments(direction, heights)
         if layer == 0:
             self.beyond_share = beyond_share
+        for among, before in ((segments, 0), (self._flanks(direction, heights), len(heights))):
+            for found in self._chained(among, direction):
+                yield replace(found, layer=layer + 1, plane=before + found.plane)
+
+    def _flanks(self, direction: Floats, heights: Floats) -> Segments:
+        """Segments of further planes where the surface is steep across the passes."""
+        reach = self.reach
+        altitudes = reach.mesh.vertices @ direction
+        extent = (float(np.min(altitudes)), float(np.max(altitudes)))
+        further, least = flank_heights(heights, self.pitch, extent)
+        segments, _ = reach.segments(direction, further)
+        widths = strip_widths(reach.normals[segments.facets], direction, 1.0)
+        gap = self.spray.max_gap_mm * MM
+        found = on_flanks(segments, widths, least[segments.planes], gap, self.pitch)
+        return replace(found, planes=np.unique(found.planes, return_inverse=True)[1])
+
+    def _chained(self, segments: Segments, direction: Floats) -> Iterator[Pass]:
+        """Passes over segments in order, plane by plane; a pass's gaps are bridged."""
         gaps = np.linalg.norm(segments.begins[1:] - segments.ends[:-1], axis=1)
         apart = (np.diff(segments.planes) != 0) | ~(gaps <= self.spray.max_gap_mm * MM)
         starts = np.append(0, np.flatnonzero(apart) + 1) if len(segments.planes) else np.zeros(0, dtype=np.int64)
@@ -157,7 +176,7 @@ class _Planner:
             backwards = self.spray.pattern == "boustrophedon" and row % 2 == 1
             for curve in (chosen[::-1] if backwards else chosen).tolist():
                 found = self._pass(segments, int(starts[curve]), int(ends[curve]), direction)
-                found = replace(found, layer=layer + 1, plane=plane + 1, curve=int(curve - chosen[0]) + 1)
+                found = replace(found, plane=plane + 1, curve=int(curve - chosen[0]) + 1)
                 yield found.reversed() if backwards else found
 
     def _heights(self, layer: int, direction: Floats) -> Floats:
@@ -194,7 +213,15 @@ class _Planner:
         remain = kept(stations, points, smoothed.normals, fixed, self.spray.chord_tolerance_mm * MM)
         leans = self._leans(facets, free, smoothed, np.flatnonzero(remain))
         return self._finished(
-            points[remain], smoothed.normals[remain], leans, stations, facets, exempt, remain, direction
+            points[remain],
+            smoothed.normals[remain],
+            leans,
+            stations,
+            facets,
+            exempt,
+            remain,
+            direction,
+            (bool(segments.goes_on[first, 0]), bool(segments.goes_on[last - 1, 1])),
         )
 
     def _leans(self, facets: Ints, free: Mask, smoothed: Smoothed, remain: Ints) -> Floats:
@@ -216,16 +243,22 @@ class _Planner:
         exempt: Floats,
         remain: Mask,
         direction: Floats,
+        goes_on: tuple[bool, bool],
     ) -> Pass:
-        """The pass of a smoothed section: overrun at both ends, points as near to each other as the setup asks."""
+        """The pass of a smoothed section: overrun where it ends, points as near to each other as the setup asks."""
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         places = np.append(0.0, np.cumsum(lengths))
         bounds = np.interp(stations, stations[remain], places)
         swings = np.interp(exempt, stations[remain], places)
         bridged = np.isin(places[:-1], bounds[:-1][facets == NO_FACET])
         lead, out = (
-            _overrun(self.reach.box, points[row], sign * np.cross(direction, normals[row]), self.spray.overrun_mm * MM)
-            for row, sign in ((0, -1.0), (-1, 1.0))
+            _overrun(
+                self.reach.box,
+                points[row],
+                sign * np.cross(direction, normals[row]),
+                0.0 if over else self.spray.overrun_mm * MM,
+            )
+            for row, sign, over in ((0, -1.0, goes_on[0]), (-1, 1.0, goes_on[1]))
         )
         most = self.limit - LEAN_MARGIN
         leans = np.concatenate(

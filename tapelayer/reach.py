@@ -58,16 +58,18 @@ class Segments:
         ends: (n, 3) metres.
         facets: (n,) facet of each.
         planes: (n,) plane of each.
+        goes_on: (n, 2) whether the section goes on at its begin and end without a further piece.
     """
 
     begins: Floats
     ends: Floats
     facets: Ints
     planes: Ints
+    goes_on: Mask
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
-        for name in ("begins", "ends", "facets", "planes"):
+        for name in ("begins", "ends", "facets", "planes", "goes_on"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
@@ -116,6 +118,7 @@ class Reach:
             ends=np.where((last < 1.0)[:, None], begins + last[:, None] * ways, ends)[inside],
             facets=facets[inside],
             planes=np.repeat(sections.planes, np.diff(sections.offsets) - 1)[inside],
+            goes_on=np.zeros((int(np.sum(inside)), 2), dtype=np.bool_),
         )
         return segments, lost / total if total else 0.0
 

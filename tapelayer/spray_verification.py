@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Ints, Mask
+from tapelayer.arrays import Floats, Ints
 from tapelayer.errors import VerificationFailed
 from tapelayer.evidence import AxisUse
 from tapelayer.machine import Machine
@@ -19,11 +19,9 @@ from tapelayer.setup import DEG, MM
 from tapelayer.spray_evidence import SplitFound, SprayEvidence, SprayFailure, SpraySamples
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.spraying import AXES, Split
+from tapelayer.stretches import Stretch, along, arc_on, distances_to, sampled, stretches_of, ways_of
 from tapelayer.trajectory import MOTIONS, Event, Kind, Trajectory
 
-# Between two block ends the path is looked at this often, and at least every so many metres.
-LEAST_SAMPLES = 4
-SAMPLE_STEP = 2.5e-3
 # Pinocchio itself evaluates this many block ends; of a longer program an even selection.
 PINOCCHIO_BLOCKS = 20_000
 PINOCCHIO_AGREEMENT = 1e-9
@@ -47,21 +45,6 @@ class Sprayed:
 
     trajectory: Trajectory
     evidence: SprayEvidence
-
-
-@dataclass(frozen=True, eq=False)
-class _Stretch:
-    """Blocks of one pass from where the arc goes on, or the pass begins, to where it goes off, or the pass ends.
-
-    Attributes:
-        index: of the pass.
-        blocks: (b,) motions with the arc on.
-        linked: whether the arc was on already.
-    """
-
-    index: int
-    blocks: Ints
-    linked: bool
 
 
 class SprayInspector:
@@ -104,15 +87,15 @@ class SprayInspector:
         """Evidence on a trajectory, failures included; arguments as `verify`."""
         digits = np.zeros(len(AXES)) if resolution is None else resolution
         failures = [*_unstated(trajectory), *self._switching(trajectory)]
-        stretches: list[_Stretch] = []
+        stretches: list[Stretch] = []
         if not any(failure.what == "unstated_axes" for failure in failures):
             # Nothing can be measured on a program that does not say where it is.
-            stretches = _stretches(trajectory)
+            stretches = stretches_of(trajectory)
         failures += self._astray(trajectory)
         measured: list[SpraySamples] = []
         splits: list[SplitFound] = []
-        before: _Stretch | None = None
-        by_pass: dict[int, list[_Stretch]] = {}
+        before: Stretch | None = None
+        by_pass: dict[int, list[Stretch]] = {}
         for stretch in stretches:
             by_pass.setdefault(stretch.index, []).append(stretch)
         for index, found in enumerate(self.passes):
@@ -132,13 +115,12 @@ class SprayInspector:
             failures.append(SprayFailure(0, 0, "forward_disagreement_m", disagreement, PINOCCHIO_AGREEMENT))
         spraying = np.concatenate([stretch.blocks for stretch in stretches]) if stretches else np.zeros(0, np.int64)
         failures += self._speeds(trajectory, spraying, digits)
-        lengths = _lengths(trajectory, spraying)
         return SprayEvidence(
             passes=len(self.passes),
             points=sum(len(found.path.points) for found in self.passes),
             layers=max((found.layer for found in self.passes), default=0),
             blocks=len(trajectory),
-            sprayed_length=float(np.sum(lengths)),
+            sprayed_length=float(np.sum(ways_of(trajectory, spraying))),
             arc_time=float(np.sum(trajectory.durations[spraying])),
             duration=trajectory.duration,
             splits=tuple(splits),
@@ -154,9 +136,9 @@ class SprayInspector:
         self,
         trajectory: Trajectory,
         index: int,
-        stretches: Sequence[_Stretch],
+        stretches: Sequence[Stretch],
         first_piece: int,
-        before: _Stretch | None,
+        before: Stretch | None,
     ) -> tuple[list[SpraySamples], list[SprayFailure]]:
         """Samples of one pass, a part for each stretch, and what is wrong with it."""
         found = self.passes[index]
@@ -184,11 +166,11 @@ class SprayInspector:
         return parts, failures
 
     def _stretch(
-        self, trajectory: Trajectory, stretch: _Stretch, piece: int, before: _Stretch | None
+        self, trajectory: Trajectory, stretch: Stretch, piece: int, before: Stretch | None
     ) -> tuple[SpraySamples, Ints]:
         """Samples of a stretch, and the block (n,) of each."""
         found = self.passes[stretch.index]
-        joints, times, blocks = _sampled(trajectory, stretch.blocks)
+        joints, times, blocks = sampled(trajectory, stretch.blocks)
         points, axes = self._gun(joints)
         places, path = found.path.arc_lengths, found.path.points
         if stretch.linked and before is not None and before.index == stretch.index - 1:
@@ -196,7 +178,7 @@ class SprayInspector:
             away = float(np.linalg.norm(path[0] - start))
             if away > 0.0:
                 places, path = np.append(-away, places), np.vstack([start, path])
-        arcs, errors = _along(path, places, points)
+        arcs, errors = along(path, places, points)
         facets = np.stack([_facets_at(found, arcs - AT_EDGE), _facets_at(found, arcs + AT_EDGE)])
         deviations, distances = np.full((2, len(arcs)), np.nan), np.full((2, len(arcs)), np.nan)
         for side in range(2):
@@ -319,7 +301,7 @@ class SprayInspector:
 
     def _astray(self, trajectory: Trajectory) -> list[SprayFailure]:
         """Motion with the arc on in no pass, or in a pass that the part does not have; and passes out of order."""
-        spraying = np.flatnonzero(_arc_on(trajectory))
+        spraying = np.flatnonzero(arc_on(trajectory))
         passes = trajectory.courses[spraying]
         wrong = (passes < 0) | (passes >= len(self.passes)) | (np.diff(passes, prepend=passes[:1]) < 0)
         if not np.any(wrong):
@@ -331,7 +313,7 @@ class SprayInspector:
         """Blocks in which the gun is too fast, too slow although no axis is at its limit, or theta leaps."""
         begins, ends = trajectory.begins(spraying), trajectory.positions[spraying]
         steps, spans = np.abs(ends - begins), trajectory.durations[spraying]
-        lengths, speed = _lengths(trajectory, spraying), self.setup.speed
+        lengths, speed = ways_of(trajectory, spraying), self.setup.speed
         digit = 2 * float(np.max(digits[:3]))
         limits = np.array([axis.speed for axis in self.axes])
         needed = np.maximum(lengths / speed, np.max(steps / limits, axis=1, initial=0.0))
@@ -408,87 +390,6 @@ def _unstated(trajectory: Trajectory) -> list[SprayFailure]:
     row = int(np.argmax(lost))
     count = int(np.sum(np.isnan(trajectory.positions[row])))
     return [SprayFailure(0, 0, "unstated_axes", count, 0, int(trajectory.lines[row]))]
-
-
-def _arc_on(trajectory: Trajectory) -> Mask:
-    """Motions (n,) with the arc on."""
-    last = np.maximum.accumulate(
-        np.where(np.isin(trajectory.events, (Event.ARC_ON, Event.ARC_OFF)), np.arange(len(trajectory)), -1)
-    )
-    on: Mask = (last >= 0) & (trajectory.events[np.maximum(last, 0)] == Event.ARC_ON)
-    return on & np.isin(trajectory.kinds, MOTIONS)
-
-
-def _stretches(trajectory: Trajectory) -> list[_Stretch]:
-    """Every stretch with the arc on, pass by pass."""
-    rows = np.flatnonzero(_arc_on(trajectory) & (trajectory.courses >= 0))
-    if not len(rows):
-        return []
-    switches = np.cumsum(trajectory.events == Event.ARC_ON)[rows]
-    passes = trajectory.courses[rows]
-    new = np.append(True, (np.diff(switches) != 0) | (np.diff(passes) != 0))
-    firsts = np.flatnonzero(new)
-    return [
-        _Stretch(int(passes[first]), blocks, bool(first and switches[first] == switches[first - 1]))
-        for first, blocks in zip(firsts.tolist(), np.split(rows, firsts[1:]), strict=True)
-    ]
-
-
-def _sampled(trajectory: Trajectory, blocks: Ints) -> tuple[Floats, Floats, Ints]:
-    """Joint values (n, k), times (n,) in seconds and blocks (n,) at the ends of blocks (b,) and between."""
-    counts = np.maximum(LEAST_SAMPLES, np.ceil(_lengths(trajectory, blocks) / SAMPLE_STEP).astype(np.int64))
-    rows = np.repeat(blocks, counts)
-    step = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
-    fractions = step / np.repeat(counts, counts)
-    rows, fractions = np.append(blocks[0], rows), np.append(0.0, fractions)
-    times = trajectory.times[rows] - (1.0 - fractions) * trajectory.durations[rows]
-    return trajectory.within(rows, fractions), times, rows
-
-
-def _lengths(trajectory: Trajectory, blocks: Ints) -> Floats:
-    """Way (b,) of P in the blocks, in metres; a circular block's is its chord, which samples do not go by alone."""
-    steps = trajectory.positions[blocks, :3] - trajectory.begins(blocks)[:, :3]
-    lengths: Floats = np.linalg.norm(steps, axis=1)
-    return lengths
-
-
-def _along(path: Floats, places: Floats, points: Floats) -> tuple[Floats, Floats]:
-    """Arc length (n,) of the polyline's point nearest to each point (n, 3), and the distance (n,), all in metres.
-
-    The first is looked for on the whole polyline, the others near the way travelled since.
-    """
-    near, _ = _nearest(path, places, points[:1], np.arange(len(path) - 1)[None])
-    travelled = near[0] + np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-    segment = np.clip(np.searchsorted(places, travelled) - 1, 0, len(path) - 2)
-    around = np.clip(segment[:, None] + np.arange(-2, 3), 0, len(path) - 2)
-    return _nearest(path, places, points, around)
-
-
-def _nearest(path: Floats, places: Floats, points: Floats, segments: Ints) -> tuple[Floats, Floats]:
-    """As `_along`, on segments (n, k) of the polyline."""
-    begins, ways = path[segments], path[segments + 1] - path[segments]
-    away = points[:, None] - begins
-    squares = np.einsum("nij,nij->ni", ways, ways)
-    share = np.clip(np.einsum("nij,nij->ni", away, ways) / np.where(squares > 0, squares, 1.0), 0.0, 1.0)
-    distances = np.linalg.norm(away - share[..., None] * ways, axis=2)
-    best = np.argmin(distances, axis=1)
-    row = np.arange(len(points))
-    chosen = segments[row, best]
-    arcs = places[chosen] + share[row, best] * (places[chosen + 1] - places[chosen])
-    return arcs, distances[row, best]
-
-
-def distances_to(triangles: Floats, points: Floats) -> Floats:
-    """Distance (n,) of each point (n, 3) from its triangle (n, 3, 3), in their unit."""
-    begins, ways = triangles, np.roll(triangles, -1, axis=1) - triangles
-    away = points[:, None] - begins
-    normals = np.cross(ways[:, 0], ways[:, 1])
-    normals = normals / np.linalg.norm(normals, axis=1)[:, None]
-    over = np.all(np.einsum("nij,nij->ni", np.cross(ways, away), normals[:, None]) >= 0.0, axis=1)
-    share = np.einsum("nij,nij->ni", away, ways) / np.einsum("nij,nij->ni", ways, ways)
-    to_edges = np.linalg.norm(away - np.clip(share, 0.0, 1.0)[..., None] * ways, axis=2).min(axis=1)
-    distances: Floats = np.where(over, np.abs(np.einsum("ij,ij->i", away[:, 0], normals)), to_edges)
-    return distances
 
 
 def _facets_at(found: Pass, arcs: Floats) -> Ints:

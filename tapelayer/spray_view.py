@@ -91,8 +91,8 @@ def _shown(coat: Coat) -> tuple[Floats, str]:
 
 
 def _highest(values: Floats) -> float:
-    """The end of the colours: a round value that all but the thickest places keep below."""
-    most = float(np.quantile(values, 0.999))
+    """The end of the colours: a round value that all but the thickest hundredth keeps below."""
+    most = float(np.quantile(values, 0.99))
     if not most > 0.0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(most))

@@ -21,8 +21,9 @@ from tapelayer.reach import placed, placement
 from tapelayer.setup import DEG, MM, parse_setup
 from tapelayer.spray_evidence import SprayEvidence, SprayFailure
 from tapelayer.spray_setup import SpraySetup
-from tapelayer.spray_verification import SprayInspector, distances_to
+from tapelayer.spray_verification import SprayInspector
 from tapelayer.spraying import Spraying, spray
+from tapelayer.stretches import distances_to
 from tapelayer.trajectory import Event, Kind, Trajectory
 from urdf import SPRAYER
 

@@ -12,11 +12,12 @@ from panels import flat, mesh_of, sheet
 
 from tapelayer.arrays import Floats
 from tapelayer.errors import NothingToSpray
+from tapelayer.flanks import flank_heights, on_flanks
 from tapelayer.machine import Machine
 from tapelayer.mesh import Mesh, read_mesh
 from tapelayer.outline import Outline
 from tapelayer.passes import NO_FACET, Pass, Plan, plan_passes
-from tapelayer.reach import placed, placement
+from tapelayer.reach import Segments, placed, placement
 from tapelayer.setup import DEG, MM, parse_setup
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.spraying import AXES, Spraying, spray
@@ -337,7 +338,7 @@ def dome(radius: float, slope: float) -> Floats:
 @pytest.mark.parametrize(("text", "most"), [("", 2), ("[machine]\nlimits_deg = {theta = [-180, 540]}\n", 0)])
 def test_a_dome_hardly_splits(text: str, most: int) -> None:
     spraying, plan = sprayed(dome(400, 70), text + "[spray]\ndirection_deg = 30\npitch_mm = 50")
-    assert len(plan.passes) == 16
+    assert sum(found.plane <= 16 for found in plan.passes) == 16
     assert len(spraying.splits) <= most
     for piece in spraying.pieces:
         assert np.max(np.abs(np.diff(piece.joints[:, 3]))) <= 60 * DEG
@@ -349,3 +350,50 @@ def test_distance_from_a_part_in_plan() -> None:
     np.testing.assert_allclose(outline.distances(points, 0.0) / MM, [0, 10, 50, 30, math.hypot(10, 10)], atol=1e-9)
     np.testing.assert_allclose(outline.distances(points[:1], 1.0) / MM, [50], atol=1e-9)
     assert len(outline.distances(np.zeros((0, 2)), 0.0)) == 0
+
+
+def test_a_flank_across_the_passes_gets_planes_between() -> None:
+    """A flat and a flank of 75 deg: on neither are passes farther apart on the surface than a pitch and a half."""
+    slope = math.tan(math.radians(75))
+    panel = sheet([0, 100, 200, 300], [0, 50, 100, 150], lambda x, y: slope * np.maximum(y - 100, 0) + 0 * x)
+    plan, mesh, _ = planned(panel, "[spray]\npattern = 'one_way'")
+    low = float(np.min(mesh.vertices[:, 1]))
+    places = np.array([found.path.points[0, 1] - low for found in plan.passes]) / MM
+    flat_ones, steep = np.sort(places[places < 100]), np.sort(places[places > 100])
+    np.testing.assert_allclose(np.diff(places[:6]), 25.0, atol=1e-6)
+    np.testing.assert_allclose(np.diff(flat_ones), 25.0, atol=1e-6)
+    apart = np.diff(steep) / math.cos(math.radians(75))
+    np.testing.assert_allclose(apart, 6.25 / math.cos(math.radians(75)), atol=1e-5)
+    assert np.all(apart <= 37.5)
+    assert [found.plane for found in plan.passes] == list(range(1, len(plan.passes) + 1))
+
+
+def test_no_planes_lie_between_where_the_slope_is_along_the_passes() -> None:
+    slope = math.tan(math.radians(75))
+    panel = sheet([0, 50, 100, 150], [0, 100, 200], lambda x, y: slope * np.maximum(x - 100, 0) + 0 * y)
+    assert len(planned(panel)[0].passes) == 8
+
+
+def test_heights_of_further_planes_halve_the_distance() -> None:
+    heights, widths = flank_heights(np.array([10.0, 12.0]), 2.0, (9.0, 13.0))
+    np.testing.assert_allclose(heights[widths == 1.5], [11.0], atol=1e-12)
+    np.testing.assert_allclose(heights[widths == 3.0], [9.5, 10.5, 11.5, 12.5], atol=1e-12)
+    everything = np.sort(np.concatenate([heights, [10.0, 12.0]]))
+    np.testing.assert_allclose(np.diff(everything), 0.125, atol=1e-12)
+
+
+def test_a_chain_on_a_flank_passes_over_short_stretches_and_says_where_the_section_goes_on() -> None:
+    x = np.array([0.0, 10, 40, 45, 70, 72, 100, 101, 200]) / 1e3
+    points = np.column_stack([x, 0 * x, 0 * x])
+    count = len(x) - 1
+    segments = Segments(points[:-1], points[1:], np.arange(count), np.zeros(count, int), np.zeros((count, 2), bool))
+    widths = np.array([1.0, 2.0, 1.0, 2.0, 1.0, 2.0, 1.0, 1.0])
+    found = on_flanks(segments, widths, np.full(count, 1.5), 0.006, 0.025)
+    assert found.facets.tolist() == [1, 2, 3, 4, 5]
+    assert found.goes_on.tolist() == [[True, False], [False, False], [False, False], [False, False], [False, True]]
+    # 5 mm are too long to pass over, and chains of 30 mm and 55 mm remain.
+    assert on_flanks(segments, widths, np.full(count, 1.5), 0.004, 0.025).facets.tolist() == [1, 3, 4, 5]
+    assert on_flanks(segments, widths, np.full(count, 1.5), 0.004, 0.035).facets.tolist() == [3, 4, 5]
+    assert len(on_flanks(segments, widths, np.full(count, 3.0), 0.1, 0.01).facets) == 0
+    edges = on_flanks(segments, np.full(count, 2.0), np.full(count, 1.5), 0.1, 0.01)
+    assert len(edges.facets) == count and not np.any(edges.goes_on)
