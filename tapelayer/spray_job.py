@@ -60,14 +60,19 @@ class SprayJob:
             MeshRefused: the file cannot be used.
             ControllerRefused: the setup's controller table cannot be used.
             ModelRefused: the setup's URDF cannot be used.
+            FootprintRefused: the setup's profile cannot be used.
         """
         controller = load(setup.output.controller)
         machine = sprayer_of(setup)
+        profile = b""
+        if setup.footprint.profile is not None:
+            footprint_of(setup)
+            profile = Path(setup.footprint.profile).read_bytes()
         mesh = read_mesh(Path(model), unit, setup.spray.spot_mm * MM)
         provenance = Provenance(
             source=mesh.name,
             source_sha256=mesh.sha256,
-            setup_sha256=setup.sha256(machine.path.read_bytes()),
+            setup_sha256=setup.sha256(machine.path.read_bytes(), profile),
             version=version("tapelayer"),
             notes=(f"model in {unit}", *setup.process.notes()),
         )
@@ -88,7 +93,6 @@ class SprayJob:
         """From pass to pass in metres.
 
         Raises:
-            FootprintRefused: the profile's file cannot be used.
             PitchNotFound: no pitch is even enough.
         """
         spray = self.setup.spray
@@ -131,7 +135,8 @@ class SprayJob:
     def text(self, planned: Sprayed) -> bytes:
         """NC text of a verified trajectory."""
         # The writer asks of what is verified for its trajectory alone.
-        return program.write(cast("Verified", planned), self.controller, self.provenance)
+        controller = _with_current(self.controller, self.setup.process.current_a)
+        return program.write(cast("Verified", planned), controller, self.provenance)
 
     def read_back(self, text: bytes, name: str) -> reader.Program:
         """What an NC text says.
@@ -146,6 +151,14 @@ class SprayJob:
     def resolution(self) -> Floats:
         """Last written digit (5,) of each axis of a program, in metres and radians."""
         return np.array([self.controller.resolution(name) for name in AXES])
+
+
+def _with_current(controller: Controller, current: float | None) -> Controller:
+    """The controller with the current as S beside the word for the arc, where it reads an S that moves nothing."""
+    word = controller.events.get("arc_on", "")
+    if current is None or "S" not in controller.codes.no_effect or not word or " " in word:
+        return controller
+    return controller.model_copy(update={"events": {**controller.events, "arc_on": f"{word} S{current:g}"}})
 
 
 def sprayer_of(setup: SpraySetup) -> Machine:

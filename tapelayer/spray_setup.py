@@ -242,12 +242,14 @@ class SpraySetup(Section):
         table[section] = table.get(section, {}) | values
         return parse_table(type(self), table, "setup")
 
-    def sha256(self, urdf: bytes) -> str:
-        """SHA-256 of the effective values, hexadecimal; the URDF enters by its content, not by its path.
+    def sha256(self, urdf: bytes, profile: bytes) -> str:
+        """SHA-256 of the effective values, hexadecimal; files enter by their content, not by their path.
 
         Args:
             urdf: the bytes of the URDF in use.
+            profile: the bytes of the footprint's profile; none where there is none.
         """
         values = self.model_dump()
         values["machine"]["urdf"] = hashlib.sha256(urdf).hexdigest()
+        values["footprint"]["profile"] = hashlib.sha256(profile).hexdigest()
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()

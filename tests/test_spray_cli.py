@@ -181,6 +181,25 @@ def test_pitch_auto_is_the_widest_that_is_even_enough(tmp_path: Path) -> None:
     assert refused == "setup: [spray] pitch_mm: expected a finite number or 'auto', got 'wide'\n"
 
 
+def test_the_current_stands_beside_the_arc_and_a_profile_can_be_given(tmp_path: Path) -> None:
+    write_stl(tmp_path / "plate.stl", PLATE)
+    (tmp_path / "gun.txt").write_text("0 1\n20 0.5\n30 0\n")
+    text = "[process]\ncurrent_a = 180\nvoltage_v = 32\n[footprint]\nmodel = 'profile'\nprofile = 'gun.txt'\n"
+    (tmp_path / "s.toml").write_text(text)
+    run("spray", "plate.stl", "--setup", "s.toml", "--quiet", cwd=tmp_path)
+    program = (tmp_path / "plate.nc").read_text()
+    assert program.count(" M03 S180\n") == 1 and "(note: voltage_v 32)" in program
+    run("verify", "plate.nc", "plate.stl", "--setup", "s.toml", "--quiet", cwd=tmp_path)
+    (tmp_path / "b.nc").write_text(program.replace("S180", "S200"))
+    run("verify", "b.nc", "plate.stl", "--setup", "s.toml", "--quiet", cwd=tmp_path)
+    (tmp_path / "gun.txt").write_text("0 1\n20 0.7\n30 0\n")
+    refused = run("verify", "plate.nc", "plate.stl", "--setup", "s.toml", cwd=tmp_path, expect=2)
+    assert "options count, too" in refused.stderr
+    (tmp_path / "gun.txt").write_text("1 1\n")
+    refused = run("spray", "plate.stl", "--setup", "s.toml", cwd=tmp_path, expect=2)
+    assert "gun.txt:1: expected radius 0 first" in refused.stderr
+
+
 def test_setup_prints_both_kinds(tmp_path: Path) -> None:
     assert run("setup", "--kind", "spray", cwd=tmp_path).stdout.startswith("# Setup of a spraying job\n")
     assert run("setup", cwd=tmp_path).stdout.startswith("# Setup of a tape-laying job\n")

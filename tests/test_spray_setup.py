@@ -130,7 +130,10 @@ def test_values_from_the_command_line_are_validated_again() -> None:
 
 
 def test_sha256_is_of_the_effective_values() -> None:
-    default = SpraySetup().sha256(b"urdf")
-    assert parsed(default_text(SpraySetup, TITLE)).sha256(b"urdf") == default
-    assert parsed("[spray]\ndirection_deg = 1").sha256(b"urdf") != default
-    assert SpraySetup().sha256(b"other") != default
+    default = SpraySetup().sha256(b"urdf", b"")
+    assert parsed(default_text(SpraySetup, TITLE)).sha256(b"urdf", b"") == default
+    assert parsed("[spray]\ndirection_deg = 1").sha256(b"urdf", b"") != default
+    assert SpraySetup().sha256(b"other", b"") != default
+    assert SpraySetup().sha256(b"urdf", b"0 1") != default
+    one, other = (parsed(f"[footprint]\nmodel = 'profile'\nprofile = {name!r}") for name in ("a.txt", "b.txt"))
+    assert one.sha256(b"", b"0 1") == other.sha256(b"", b"0 1")
