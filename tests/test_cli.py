@@ -119,7 +119,7 @@ def test_another_course_file_is_said_and_judged(tmp_path: Path) -> None:
     copy = tmp_path / "copy.txt"
     copy.write_bytes(b"# the same courses\n" + FLAT.read_bytes())
     done = run("verify", "a.nc", copy, cwd=tmp_path)
-    assert "a.nc: its header names another source than" in done.stderr
+    assert "a.nc: its header names another course file than" in done.stderr
 
 
 @pytest.mark.parametrize(
