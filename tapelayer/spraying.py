@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -199,7 +200,8 @@ class _Program:
         if not (0.0 < way <= self.setup.spray.max_gap_mm * MM and turning * SLOWEST <= way / self.setup.speed):
             return False
         self._state_all()
-        self._feed(piece.index, start[None])
+        steps = max(math.ceil(way / (self.setup.spray.max_point_spacing_mm * MM) - 1e-9), 1)
+        self._feed(piece.index, np.linspace(self.at, start, steps + 1)[1:])
         return True
 
     def _leave(self, found: Pass) -> None:

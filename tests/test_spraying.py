@@ -241,6 +241,7 @@ def test_a_plate_s_program_switches_once_and_takes_the_time_of_its_way() -> None
     length = sum(found.path.length for found in plan.passes) + 8 * 0.025
     assert np.sum(trajectory.durations[on:off]) == pytest.approx(length / 0.3, rel=1e-9)
     np.testing.assert_allclose(trajectory.positions[on:off, 4], 0.0, atol=1e-9)
+    assert np.max(np.linalg.norm(np.diff(trajectory.positions[on:off, :3], axis=0), axis=1)) <= 0.01 + 1e-12
     assert spraying.splits == () and spraying.slowdowns == ()
     assert [piece.index for piece in spraying.pieces] == list(range(9))
 
