@@ -186,10 +186,3 @@ class Trajectory:
             angles=np.arctan2(begins[:, 1], begins[:, 0]),
             sweeps=sweeps,
         )
-
-    def at(self, times: Floats) -> Floats:
-        """Joint values (m, k) at (m,) seconds from the program's start, not before the first block's end."""
-        blocks = np.minimum(np.searchsorted(self.times, times), len(self) - 1)
-        spans = self.durations[blocks]
-        left = np.where(spans > 0.0, self.times[blocks] - times, 0.0) / np.where(spans > 0.0, spans, 1.0)
-        return self.within(blocks, np.clip(1.0 - left, 0.0, 1.0))
