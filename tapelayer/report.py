@@ -18,7 +18,8 @@ from tapelayer.setup import DEG, MM
 
 # Failures in which a knife is where it must not be, or is not where it must be.
 KNIFE_FAILURE = re.compile(
-    r"knife_[12]_(switched_again|left_on|off_every_cut_mm)|(rapid|stop)_with_knife_[12]_on|cuts_made|cut_width_mm|axis_[vq]_mm"
+    r"knife_[12]_(switched_again|left_on|off_every_cut_mm)|(rapid|stop)_with_knife_[12]_on"
+    r"|cuts_made|cut_width_mm|axis_[vq]_mm"
 )
 
 
