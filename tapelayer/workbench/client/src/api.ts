@@ -1,0 +1,218 @@
+import type { Blocks, Job, Kind, Made, Problem, Report, SetupValues, Table, TableName } from "./panels";
+
+const ROOT = "/api/v1";
+
+/** What the server refused, as its problem details; code `unreachable` where it did not answer. */
+export class Refused extends Error {
+  constructor(readonly problem: Problem) {
+    super(problem.detail);
+  }
+}
+
+export interface Example {
+  name: string;
+  kind: Kind;
+  title: string;
+}
+
+export interface Controller {
+  name: string;
+  title: string;
+}
+
+export interface Session {
+  token_required: boolean;
+  signed_in: boolean;
+  version: string;
+}
+
+export interface Request {
+  file: File;
+  kind: Kind;
+  setup: string;
+  unit: string;
+  mould: File | null;
+  parts: File[];
+}
+
+let unauthorized: () => void = () => {};
+
+/** Calls the listener whenever the server wants a token. */
+export function onUnauthorized(listener: () => void): void {
+  unauthorized = listener;
+}
+
+async function ask(path: string, init: RequestInit = {}): Promise<Response> {
+  let response: Response;
+  try {
+    response = await fetch(ROOT + path, init);
+  } catch (error) {
+    if (error instanceof DOMException && error.name === "AbortError") throw error;
+    throw new Refused({ type: "", title: "", status: 0, code: "unreachable", detail: String(error) });
+  }
+  if (response.ok) return response;
+  const problem = await problemOf(response);
+  if (problem.code === "token-required") unauthorized();
+  throw new Refused(problem);
+}
+
+async function problemOf(response: Response): Promise<Problem> {
+  if (response.headers.get("content-type")?.includes("json")) return (await response.json()) as Problem;
+  const { status, statusText } = response;
+  return { type: "", title: statusText, status, code: "internal", detail: `${status} ${statusText}` };
+}
+
+async function askJson<T>(path: string, init?: RequestInit): Promise<T> {
+  return (await (await ask(path, init)).json()) as T;
+}
+
+function postJson(path: string, value: unknown): Promise<Response> {
+  return ask(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(value) });
+}
+
+/** A table of little-endian float32 values as the server sends it. */
+export function tableOf(data: Float32Array, columns: string[], times: number[] = [], unit = ""): Table {
+  const width = columns.length;
+  const rows = width ? data.length / width : 0;
+  const index = (name: string): number => columns.indexOf(name);
+  return {
+    columns,
+    rows,
+    data,
+    times,
+    unit,
+    index,
+    at: (row, name) => data[row * width + index(name)] ?? Number.NaN,
+    column(name) {
+      const from = index(name);
+      const values = new Float32Array(rows);
+      if (from < 0) return values.fill(Number.NaN);
+      for (let row = 0; row < rows; row++) values[row] = data[row * width + from]!;
+      return values;
+    },
+  };
+}
+
+function listed(response: Response, header: string): string[] {
+  const text = response.headers.get(header) ?? "";
+  return text ? text.split(",").map((name) => name.trim()) : [];
+}
+
+async function table(id: string, name: TableName): Promise<Table> {
+  const response = await ask(`/jobs/${id}/${name}`);
+  const times = listed(response, "X-Times").map(Number);
+  const columns = listed(response, "X-Columns");
+  return tableOf(new Float32Array(await response.arrayBuffer()), columns, times, response.headers.get("X-Unit") ?? "");
+}
+
+/** The value, or null where this kind of job has none or the server withholds it. */
+async function unless<T>(codes: string[], promise: Promise<T>): Promise<T | null> {
+  try {
+    return await promise;
+  } catch (error) {
+    if (error instanceof Refused && codes.includes(error.problem.code)) return null;
+    throw error;
+  }
+}
+
+export const session = (): Promise<Session> => askJson("/session");
+export const signIn = (token: string): Promise<Response> => postJson("/session", { token });
+export const signOut = (): Promise<Response> => ask("/session", { method: "DELETE" });
+export const setupSchema = (kind: Kind): Promise<unknown> => askJson(`/setup-schema?kind=${kind}`);
+
+export async function controllers(): Promise<Controller[]> {
+  return (await askJson<{ controllers: Controller[] }>("/controllers")).controllers;
+}
+
+export async function examples(): Promise<Example[]> {
+  return (await askJson<{ examples: Example[] }>("/examples")).examples;
+}
+
+export async function exampleFile(name: string): Promise<File> {
+  return new File([await (await ask(`/examples/${encodeURIComponent(name)}`)).blob()], name);
+}
+
+export async function jobs(): Promise<Job[]> {
+  return (await askJson<{ jobs: Job[] }>("/jobs")).jobs;
+}
+
+export const job = (id: string): Promise<Job> => askJson(`/jobs/${id}`);
+export const cancelJob = (id: string): Promise<Response> => ask(`/jobs/${id}/cancel`, { method: "POST" });
+export const deleteJob = (id: string): Promise<Response> => ask(`/jobs/${id}`, { method: "DELETE" });
+
+export async function parseSetup(kind: Kind, toml: string): Promise<SetupValues> {
+  const init = { method: "POST", headers: { "Content-Type": "text/plain" }, body: toml };
+  return (await askJson<{ values: SetupValues }>(`/setup/parse?kind=${kind}`, init)).values;
+}
+
+export async function formatSetup(kind: Kind, values: SetupValues): Promise<string> {
+  return (await postJson("/setup/format", { kind, values })).text();
+}
+
+export function createJob(request: Request, signal: AbortSignal): Promise<Job> {
+  const form = new FormData();
+  form.append("file", request.file);
+  form.append("kind", request.kind);
+  if (request.setup) form.append("setup", request.setup);
+  if (request.kind === "spray") form.append("unit", request.unit);
+  if (request.mould) form.append("mould", request.mould);
+  for (const part of request.parts) form.append("parts", part);
+  return askJson("/jobs", { method: "POST", body: form, signal });
+}
+
+export interface Watch {
+  onState(job: Job): void;
+  onProgress(progress: number, stage: string | null): void;
+}
+
+/** Follows a job to its end; gives the job as it ended. */
+export function watchJob(id: string, watch: Watch, signal: AbortSignal): Promise<Job> {
+  return new Promise((resolve, reject) => {
+    const source = new EventSource(`${ROOT}/jobs/${id}/events`);
+    const told = (event: MessageEvent<string>): Job => JSON.parse(event.data) as Job;
+    signal.addEventListener("abort", () => source.close());
+    source.addEventListener("state", (event) => watch.onState(told(event)));
+    source.addEventListener("progress", (event) => {
+      const { progress, stage } = told(event);
+      watch.onProgress(progress, stage);
+    });
+    source.addEventListener("done", (event) => {
+      source.close();
+      resolve(told(event));
+    });
+    source.addEventListener("error", () => {
+      // The browser connects again by itself, except where the server answered with a refusal.
+      if (source.readyState === EventSource.CLOSED) job(id).then(resolve, reject);
+    });
+  });
+}
+
+/** Everything a finished or judged-bad job made that the page shows at once; the rest comes when asked for. */
+export async function load(made: Job): Promise<Made> {
+  const path = `/jobs/${made.id}`;
+  const toml = await (await ask(`${path}/setup`)).text();
+  const report = await askJson<Report>(`${path}/report.json`);
+  const kind: Kind = made.kind === "verify" ? ("tape" in report ? "lay" : "spray") : made.kind;
+  const [poses, blocks, setup, program] = await Promise.all([
+    table(made.id, "poses"),
+    askJson<Blocks>(`${path}/blocks`),
+    parseSetup(kind, toml),
+    unless(["program-withheld"], ask(`${path}/program`).then((response) => response.text())),
+  ]);
+  const tables = new Map<TableName, Promise<Table | null>>([["poses", Promise.resolve(poses)]]);
+  return {
+    job: made,
+    kind,
+    report,
+    poses,
+    blocks,
+    setup,
+    program,
+    url: (what) => `${ROOT}${path}/${what}`,
+    table(name) {
+      const found = tables.get(name) ?? unless(["not-made"], table(made.id, name));
+      tables.set(name, found);
+      return found;
+    },
+  };
+}

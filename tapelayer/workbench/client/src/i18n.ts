@@ -1,0 +1,37 @@
+import en from "./locales/en.json";
+import zh from "./locales/zh.json";
+import type { Problem, Translate } from "./panels";
+import { remember, remembered } from "./state";
+
+export type Language = "en" | "zh";
+
+const TEXTS: Record<Language, Record<string, string>> = { en, zh };
+
+let language: Language = remembered<Language>("language", navigator.language.startsWith("zh") ? "zh" : "en");
+
+export function currentLanguage(): Language {
+  return language;
+}
+
+export function setLanguage(next: Language): void {
+  language = next;
+  remember("language", next);
+  document.documentElement.lang = next;
+}
+
+/** Whether the page's language has a text of its own for the key. */
+export function known(key: string): boolean {
+  return key in TEXTS[language];
+}
+
+/** The text of a key with `{name}` places filled in; English, then the key itself, where there is none. */
+export const t: Translate = (key, values = {}) => {
+  const text = TEXTS[language][key] ?? TEXTS.en[key] ?? key;
+  return text.replace(/\{(\w+)\}/g, (place, name: string) => String(values[name] ?? place));
+};
+
+/** A problem's heading: translated by its code, else the server's title. */
+export function problemTitle(problem: Problem): string {
+  const key = `problem.${problem.code}`;
+  return known(key) ? t(key) : problem.title;
+}

@@ -1,0 +1,5 @@
+import "./style.css";
+import { setLanguage, currentLanguage, t } from "./i18n";
+
+setLanguage(currentLanguage());
+document.title = t("page.title");
