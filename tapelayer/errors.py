@@ -86,6 +86,10 @@ class SetupRefused(InputRefused):
     """A setup file cannot be used."""
 
 
+class ProgramOfOtherSetup(SetupRefused):
+    """A program was made with another setup than the one it is to be judged by."""
+
+
 class ControllerRefused(InputRefused):
     """A controller table cannot be used."""
 
@@ -205,3 +209,7 @@ class VerificationFailed(TapelayerError):
 
 class TargetNotWritable(TapelayerError):
     """An output file cannot be written; whatever stood there before is untouched."""
+
+
+class ServeRefused(TapelayerError):
+    """The workbench cannot be served as asked for."""
