@@ -213,3 +213,7 @@ class TargetNotWritable(TapelayerError):
 
 class ServeRefused(TapelayerError):
     """The workbench cannot be served as asked for."""
+
+
+class WorkDirectoryRefused(TapelayerError):
+    """The workbench's work directory cannot be used, or another server uses it."""
