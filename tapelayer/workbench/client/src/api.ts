@@ -118,7 +118,55 @@ async function unless<T>(codes: string[], promise: Promise<T>): Promise<T | null
 export const session = (): Promise<Session> => askJson("/session");
 export const signIn = (token: string): Promise<Response> => postJson("/session", { token });
 export const signOut = (): Promise<Response> => ask("/session", { method: "DELETE" });
-export const setupSchema = (kind: Kind): Promise<unknown> => askJson(`/setup-schema?kind=${kind}`);
+
+export interface Schema {
+  type?: string;
+  description?: string;
+  default?: unknown;
+  enum?: string[];
+  const?: unknown;
+  anyOf?: Schema[];
+  items?: Schema;
+  properties?: Record<string, Schema>;
+  additionalProperties?: Schema | boolean;
+  $ref?: string;
+  $defs?: Record<string, Schema>;
+  minimum?: number;
+  maximum?: number;
+  exclusiveMinimum?: number;
+  exclusiveMaximum?: number;
+}
+
+const schemas = new Map<Kind, Promise<Schema>>();
+
+/** JSON schema of a kind's setup, asked for once. */
+export function setupSchema(kind: Kind): Promise<Schema> {
+  const found = schemas.get(kind);
+  if (found) return found;
+  const asked = askJson<Schema>(`/setup-schema?kind=${kind}`);
+  schemas.set(kind, asked);
+  asked.catch(() => schemas.delete(kind));
+  return asked;
+}
+
+/** The values of a setup with the defaults of every key that is not set. */
+function effective(schema: Schema, values: SetupValues): SetupValues {
+  const sections = Object.entries(schema.properties ?? {});
+  return Object.fromEntries(
+    sections.map(([name, { default: defaults }]) => [name, { ...(defaults as object), ...values[name] }]),
+  );
+}
+
+export interface Machine {
+  name: string;
+  title: string;
+  axes: { name: string; unit: string; lower: number; upper: number; speed: number }[];
+  frames: string[];
+}
+
+export async function machines(): Promise<Machine[]> {
+  return (await askJson<{ machines: Machine[] }>("/machines")).machines;
+}
 
 export async function controllers(): Promise<Controller[]> {
   return (await askJson<{ controllers: Controller[] }>("/controllers")).controllers;
@@ -170,7 +218,10 @@ export function watchJob(id: string, watch: Watch, signal: AbortSignal): Promise
   return new Promise((resolve, reject) => {
     const source = new EventSource(`${ROOT}/jobs/${id}/events`);
     const told = (event: MessageEvent<string>): Job => JSON.parse(event.data) as Job;
-    signal.addEventListener("abort", () => source.close());
+    signal.addEventListener("abort", () => {
+      source.close();
+      reject(signal.reason);
+    });
     source.addEventListener("state", (event) => watch.onState(told(event)));
     source.addEventListener("progress", (event) => {
       const { progress, stage } = told(event);
@@ -193,10 +244,11 @@ export async function load(made: Job): Promise<Made> {
   const toml = await (await ask(`${path}/setup`)).text();
   const report = await askJson<Report>(`${path}/report.json`);
   const kind: Kind = made.kind === "verify" ? ("tape" in report ? "lay" : "spray") : made.kind;
-  const [poses, blocks, setup, program] = await Promise.all([
+  const [poses, blocks, changed, schema, program] = await Promise.all([
     table(made.id, "poses"),
     askJson<Blocks>(`${path}/blocks`),
     parseSetup(kind, toml),
+    setupSchema(kind),
     unless(["program-withheld"], ask(`${path}/program`).then((response) => response.text())),
   ]);
   const tables = new Map<TableName, Promise<Table | null>>([["poses", Promise.resolve(poses)]]);
@@ -206,7 +258,8 @@ export async function load(made: Job): Promise<Made> {
     report,
     poses,
     blocks,
-    setup,
+    setup: effective(schema, changed),
+    changed,
     program,
     url: (what) => `${ROOT}${path}/${what}`,
     table(name) {

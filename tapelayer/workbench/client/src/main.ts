@@ -1,3 +1,4 @@
+import "./tokens.css";
 import "./style.css";
 import { setLanguage, currentLanguage, t } from "./i18n";
 

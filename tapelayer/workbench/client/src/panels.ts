@@ -107,6 +107,7 @@ export interface Made {
   poses: Table;
   blocks: Blocks;
   setup: SetupValues;
+  changed: SetupValues;
   program: string | null;
   url(what: "program" | "report.json" | "report.html" | "trajectory" | "setup" | "source" | "urdf"): string;
   table(name: TableName): Promise<Table | null>;
@@ -166,3 +167,12 @@ export type CreatePanel<P extends Panel = Panel> = (
   t: Translate,
   selection: Selection,
 ) => P;
+
+export interface PanelModules {
+  "player.ts": { createPlayer: CreatePlayer };
+  "scene.ts": { createScene: CreatePanel<ScenePanel> };
+  "program.ts": { createProgram: CreatePanel<ProgramPanel> };
+  "plots.ts": { createPlots: CreatePanel };
+  "verdict.ts": { createVerdict: CreatePanel; createBadge: CreatePanel };
+  "ledger.ts": { createLedger: CreatePanel };
+}
