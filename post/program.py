@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +19,14 @@ from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import NotWritable
 from tapelayer.provenance import Provenance
 from tapelayer.trajectory import Event, Kind, Trajectory
-
-if TYPE_CHECKING:
-    from tapelayer.spray_verification import Sprayed
-    from tapelayer.verification import Verified
+from tapelayer.verified import Verdict, Verified
 
 # The joint that feeds the tape, which some controls set to zero at each course.
 TAPE = "u"
 # A feed below the six digits that these decimals leave it belongs to a motion that is a dwell by any measure.
 FEED_DECIMALS = 9
+# A motion without words that is shorter than this, in seconds, is no standstill: the motion behind it takes its time.
+BRIEF = 5e-4
 # Rows made into text at once: their cells stay in the cache.
 CHUNK = 1 << 14
 
@@ -38,7 +37,7 @@ _NOT_IN_COMMENTS = re.compile(r"[^ -~]|[()%;]")
 
 
 def write(
-    verified: Verified | Sprayed,
+    verified: Verified[Verdict],
     controller: Controller,
     provenance: Provenance,
     levels: Mapping[Event, float] = MappingProxyType({}),
@@ -47,8 +46,8 @@ def write(
 
     Axis words are written where their rounded text changes or where the trajectory states the axis, and for every axis
     at the first motion that knows it. The feed word is computed from the rounded end points. A motion in which no
-    rounded word changes is written as a dwell of its duration; where that rounds to nothing, the block is dropped and
-    its time is added to the next block if that is a straight motion, or else collected into one dwell. An axis that
+    rounded word changes is written as a dwell of its duration; a brief one is dropped and its time is added to the next
+    block if that is a straight motion, or else collected into one dwell. An axis that
     the control does not interpolate is written as its table says, and a block that moves no other is followed by a
     dwell of the block's duration. Runs of straight blocks on one circle are written as circular blocks where the
     control's table has planes for them.
@@ -191,9 +190,10 @@ def _times(trajectory: Trajectory, moves: _Moves, units: int) -> tuple[Floats, I
     pauses = np.zeros(len(trajectory), dtype=np.int64)
     pauses[waits] = rounded(trajectory.durations[waits] * units, 0)
     durations = trajectory.durations
-    dropped = np.flatnonzero(moves.bare & (pauses == 0) & (durations > 0))
+    dropped = np.flatnonzero(moves.bare & (durations < max(BRIEF, 0.5 / units)) & (durations > 0))
     if not len(dropped):
         return durations, pauses
+    pauses[dropped] = 0
     # Dropped blocks in a row share their fate: runs end where the next block is kept.
     ends = np.flatnonzero(np.append(np.diff(dropped) > 1, True))
     totals = np.diff(np.cumsum(durations[dropped])[ends], prepend=0.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import sys
 import time
@@ -18,20 +17,15 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from post import controllers
-from tapelayer import gantry, page, report, spray_page, spray_report
+from tapelayer import gantry
 from tapelayer.course import Course, read_courses
-from tapelayer.errors import Fault, ProgramRefused, SetupRefused, TapelayerError, VerificationFailed
-from tapelayer.evidence import Evidence
-from tapelayer.job import Job, machine_of
+from tapelayer.errors import Fault, ProgramRefused, SetupRefused, TapelayerError
+from tapelayer.job import Job, Made, machine_of
 from tapelayer.mesh import Unit
 from tapelayer.output import write_files
 from tapelayer.setup import DEG, MM, Setup, default_text, read_setup
-from tapelayer.spray_job import SprayJob
-from tapelayer.spray_report import Judged
+from tapelayer.spray_job import SprayJob, SprayMade
 from tapelayer.spray_setup import SpraySetup
-from tapelayer.spray_trajectory import trajectory_text
-from tapelayer.trajectory import Trajectory
-from tapelayer.verification import SHOWN_FAILURES
 
 app = typer.Typer(
     name="tapelayer",
@@ -82,31 +76,16 @@ def export(
     verbose: Verbose = False,
 ) -> None:
     """Plan, write, read back and verify an NC program; nothing that fails is written."""
-    program = Path(target) if target else Path(Path(courses).stem + ".nc")
-    to_stdout = target == "-"
+    program, to_stdout = _target(target, courses)
     with _Steps(quiet, verbose) as steps:
         steps.begin(f"reading {courses}")
-        job = _job(courses, setup, controller, kinematics)
-        steps.begin("planning", 2 * len(job.courses))
-        planned = job.plan(steps.tick)
-        steps.begin("writing")
-        text = job.text(planned)
-        steps.begin("reading back")
-        trajectory = job.read_back(text, str(program)).trajectory
-        steps.begin("verifying the text", len(job.courses))
-        evidence = job.judge(trajectory, steps.tick).evidence
+        made = _job(courses, setup, controller, kinematics).make(str(program), steps)
+        if made.failure:
+            raise made.failure
         steps.begin("saving")
-        contents = {} if to_stdout else {program: text}
         title = Path(courses).name if to_stdout else program.name
-        contents |= _reports(evidence, trajectory, text, job.setup, title, report_file, html_file)
-        write_files(contents)
-    if to_stdout:
-        sys.stdout.buffer.write(text)
-        sys.stdout.buffer.flush()
-    if not quiet:
-        _conclude(
-            evidence, text, "the program" if to_stdout else str(program), job.setup, notices if to_stdout else output
-        )
+        _save(made, {} if to_stdout else {program: made.text}, title, report_file, html_file)
+    _hand_over(made, program, to_stdout, quiet)
 
 
 @app.command(
@@ -133,28 +112,27 @@ def verify(
     verbose: Verbose = False,
 ) -> None:
     """Judge an NC program by its text against its courses, or against the model that it sprays."""
-    if Path(source).suffix.lower() == ".stl":
+    is_model = Path(source).suffix.lower() == ".stl"
+    if is_model:
         _refuse("--kinematics", kinematics, "tape courses")
-        spray_job = _spray_job(source, setup, unit, controller, direction_deg, pitch_mm)
-        _verify_spraying(program, source, spray_job, report_file, html_file, force, quiet, verbose)
-        return
-    _refuse("--direction-deg", direction_deg, "models")
-    _refuse("--pitch-mm", pitch_mm, "models")
-    courses = source
+    else:
+        _refuse("--direction-deg", direction_deg, "models")
+        _refuse("--pitch-mm", pitch_mm, "models")
     with _Steps(quiet, verbose) as steps:
-        steps.begin(f"reading {courses}")
-        job = _job(courses, setup, controller, kinematics)
-        steps.begin(f"reading {program}")
+        steps.begin(f"reading {source}")
         text = _bytes(program)
-        read = job.read_back(text, program)
-        _check_sources(job, read.setup_sha256, read.source_sha256, program, courses, force)
-        steps.begin("verifying", len(job.courses))
-        evidence = job.inspector.examine(read.trajectory, job.resolution, steps.tick)
-        write_files(_reports(evidence, read.trajectory, text, job.setup, Path(program).name, report_file, html_file))
+        if is_model:
+            job: Job | SprayJob = _spray_job(source, setup, unit, controller, direction_deg, pitch_mm)
+        else:
+            job = _job(source, setup, controller, kinematics)
+        made = job.examine(text, program, force, steps)
+        _save(made, {}, Path(program).name, report_file, html_file)
+    for remark in made.remarks:
+        sys.stderr.write(f"{remark}\n")
     if not quiet:
-        _conclude(evidence, text, program, job.setup, output)
-    if not evidence.passed:
-        raise VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
+        _conclude(made, program, output)
+    if made.failure:
+        raise made.failure
 
 
 @app.command(
@@ -179,39 +157,18 @@ def spray(
     verbose: Verbose = False,
 ) -> None:
     """Plan, write, read back and verify a spraying program; nothing that fails is written."""
-    program = Path(target) if target else Path(Path(model).stem + ".nc")
-    to_stdout = target == "-"
+    program, to_stdout = _target(target, model)
     with _Steps(quiet, verbose) as steps:
         steps.begin(f"reading {model}")
-        job = _spray_job(model, setup, unit, controller, direction_deg, pitch_mm)
-        steps.begin("slicing")
-        passes = job.plan.passes
-        steps.begin("planning", len(passes))
-        planned = job.spraying(steps.tick)
-        inspector = job.inspector(planned)
-        steps.begin("verifying the plan", len(passes))
-        verified = inspector.verify(planned.trajectory, tick=steps.tick)
-        steps.begin("writing")
-        text = job.text(verified)
-        steps.begin("reading back")
-        trajectory = job.read_back(text, str(program)).trajectory
-        steps.begin("verifying the text", len(passes))
-        evidence = inspector.verify(trajectory, job.resolution, steps.tick).evidence
-        steps.begin("measuring the coat")
-        judged = job.judged(planned, evidence, text)
+        made = _spray_job(model, setup, unit, controller, direction_deg, pitch_mm).make(str(program), steps)
+        if made.failure:
+            raise made.failure
         steps.begin("saving")
-        contents = {} if to_stdout else {program: text}
+        contents = {} if to_stdout else {program: made.text}
         if trajectory_file:
-            poses = trajectory_text(passes, planned.pieces, job.placement, job.provenance)
-            contents[Path(trajectory_file)] = poses
-        title = Path(model).name if to_stdout else program.name
-        contents |= _spray_reports(judged, trajectory, job.setup, title, report_file, html_file)
-        write_files(contents)
-    if to_stdout:
-        sys.stdout.buffer.write(text)
-        sys.stdout.buffer.flush()
-    if not quiet:
-        _conclude_spraying(judged, "the program" if to_stdout else str(program), notices if to_stdout else output)
+            contents[Path(trajectory_file)] = made.poses()
+        _save(made, contents, Path(model).name if to_stdout else program.name, report_file, html_file)
+    _hand_over(made, program, to_stdout, quiet)
 
 
 @app.command(epilog="Example: [bold]tapelayer inspect panel.txt[/bold]")
@@ -326,19 +283,44 @@ class _Steps:
             sys.stderr.write(f"{self._step}: {time.perf_counter() - self._begun:.2f} s\n")
 
 
-def _conclude(evidence: Evidence, text: bytes, name: str, setup: Setup, console: Console) -> None:
+def _target(target: str | None, source: str) -> tuple[Path, bool]:
+    """The program's file, and whether it goes to stdout instead."""
+    return Path(target) if target else Path(Path(source).stem + ".nc"), target == "-"
+
+
+def _save(
+    made: Made | SprayMade, contents: dict[Path, bytes], title: str, report_file: str | None, html_file: str | None
+) -> None:
+    """Write these files and the reports together."""
+    if report_file:
+        contents[Path(report_file)] = (json.dumps(made.report(), indent=2, allow_nan=False) + "\n").encode()
+    if html_file:
+        contents[Path(html_file)] = made.page(title).encode()
+    write_files(contents)
+
+
+def _hand_over(made: Made | SprayMade, program: Path, to_stdout: bool, quiet: bool) -> None:
+    """The program to stdout where it was asked for there, and what was found to the other stream."""
+    if to_stdout:
+        sys.stdout.buffer.write(made.text)
+        sys.stdout.buffer.flush()
+    if not quiet:
+        _conclude(made, "the program" if to_stdout else str(program), notices if to_stdout else output)
+
+
+def _conclude(made: Made | SprayMade, name: str, console: Console) -> None:
     """Table of what was found, and one line that says whether it passed."""
-    numbers = report.numbers(evidence, hashlib.sha256(text).hexdigest())
-    console.print(report.summary(numbers))
-    if setup.process.kinematics == "published":
+    console.print(made.summary())
+    if isinstance(made, Made) and made.job.setup.process.kinematics == "published":
+        numbers = made.report()
         sys.stderr.write(
             "published kinematics: the roller leaves the surface by up to "
             f"{numbers['max_roller_tilt_deg']:.2f} deg (edge lift {numbers['max_edge_lift_mm']:.2f} mm), heading up to "
             f"{numbers['max_heading_error_deg']:.2f} deg off, centre up to {numbers['max_roller_offset_mm']:.2f} mm; "
             "judged only where [verification] itself sets these limits\n"
         )
-    if evidence.passed:
-        console.print(f"{name}: {evidence.blocks} blocks, verified", highlight=False, soft_wrap=True)
+    if made.evidence.passed:
+        console.print(f"{name}: {made.evidence.blocks} blocks, verified", highlight=False, soft_wrap=True)
 
 
 def _setup(name: str | None) -> Setup:
@@ -359,42 +341,6 @@ def _bytes(name: str) -> bytes:
         return Path(name).read_bytes()
     except OSError as error:
         raise ProgramRefused.unreadable(name, error) from None
-
-
-def _check_sources(
-    job: Job | SprayJob, setup_sha256: str, source_sha256: str, program: str, courses: str, force: bool
-) -> None:
-    """Refuse to judge a program by another setup than its own; say so where the courses are other ones."""
-    if setup_sha256 and setup_sha256 != job.provenance.setup_sha256 and not force:
-        sentence = (
-            f"its header names the setup {setup_sha256[:12]}..., this one is {job.provenance.setup_sha256[:12]}...; "
-            "give the setup it was made with (options count, too), or judge it by this one with --force"
-        )
-        raise SetupRefused(program, [Fault(0, sentence)])
-    if source_sha256 and source_sha256 != job.provenance.source_sha256:
-        kind = "model" if isinstance(job, SprayJob) else "course file"
-        sys.stderr.write(f"{program}: its header names another {kind} than {courses}\n")
-
-
-def _reports(
-    evidence: Evidence,
-    trajectory: Trajectory,
-    text: bytes,
-    setup: Setup,
-    title: str,
-    report_file: str | None,
-    html_file: str | None,
-) -> dict[Path, bytes]:
-    """Report files by target."""
-    if not (report_file or html_file):
-        return {}
-    numbers = report.numbers(evidence, hashlib.sha256(text).hexdigest())
-    contents = {}
-    if report_file:
-        contents[Path(report_file)] = (json.dumps(numbers, indent=2, allow_nan=False) + "\n").encode()
-    if html_file:
-        contents[Path(html_file)] = page.html(evidence, trajectory, numbers, setup, title).encode()
-    return contents
 
 
 def _refuse(option: str, value: object, owner: str) -> None:
@@ -423,59 +369,6 @@ def _spray_job(
             pitch = pitch_mm
         chosen = chosen.with_values("spray", pitch_mm=pitch)
     return SprayJob.read(model, chosen, unit)
-
-
-def _verify_spraying(
-    program: str,
-    model: str,
-    job: SprayJob,
-    report_file: str | None,
-    html_file: str | None,
-    force: bool,
-    quiet: bool,
-    verbose: bool,
-) -> None:
-    """Judge a program by its text against the passes that its model and setup ask for."""
-    with _Steps(quiet, verbose) as steps:
-        steps.begin(f"reading {program}")
-        text = _bytes(program)
-        read = job.read_back(text, program)
-        _check_sources(job, read.setup_sha256, read.source_sha256, program, model, force)
-        steps.begin("planning", len(job.plan.passes))
-        planned = job.spraying(steps.tick)
-        steps.begin("verifying", len(job.plan.passes))
-        evidence = job.inspector(planned).examine(read.trajectory, job.resolution, steps.tick)
-        judged = job.judged(planned, evidence, text)
-        write_files(_spray_reports(judged, read.trajectory, job.setup, Path(program).name, report_file, html_file))
-    if not quiet:
-        _conclude_spraying(judged, program, output)
-    if not evidence.passed:
-        raise VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
-
-
-def _spray_reports(
-    judged: Judged,
-    trajectory: Trajectory,
-    setup: SpraySetup,
-    title: str,
-    report_file: str | None,
-    html_file: str | None,
-) -> dict[Path, bytes]:
-    """Report files of a spraying program by target."""
-    contents = {}
-    if report_file:
-        numbers = spray_report.numbers(judged)
-        contents[Path(report_file)] = (json.dumps(numbers, indent=2, allow_nan=False) + "\n").encode()
-    if html_file:
-        contents[Path(html_file)] = spray_page.html(judged, trajectory, setup, title).encode()
-    return contents
-
-
-def _conclude_spraying(judged: Judged, name: str, console: Console) -> None:
-    """Table of what was found, and one line that says whether it passed."""
-    console.print(spray_report.summary(spray_report.numbers(judged)))
-    if judged.evidence.passed:
-        console.print(f"{name}: {judged.evidence.blocks} blocks, verified", highlight=False, soft_wrap=True)
 
 
 def _inspected(course: Course) -> list[str]:

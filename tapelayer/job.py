@@ -7,21 +7,26 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from rich.table import Table
 
 from post import program, reader
 from post.controllers import Controller, load
+from tapelayer import page, report
 from tapelayer.arrays import Floats
 from tapelayer.course import Course, parse_courses
-from tapelayer.errors import CourseFileRefused
+from tapelayer.errors import CourseFileRefused, VerificationFailed
+from tapelayer.evidence import Evidence
 from tapelayer.laying import plan
 from tapelayer.machine import Machine
-from tapelayer.progress import Tick, silent
+from tapelayer.progress import UNSEEN, Steps, Tick, silent
 from tapelayer.provenance import Provenance
 from tapelayer.setup import Setup
 from tapelayer.trajectory import Trajectory
-from tapelayer.verification import Inspector, Verified
+from tapelayer.verification import Inspector
+from tapelayer.verified import Verified, failure_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,36 +56,88 @@ class Job:
             ControllerRefused: the setup's controller table cannot be used.
             ModelRefused: the setup's URDF cannot be used.
         """
-        controller = load(setup.output.controller)
-        path = Path(courses)
         try:
-            data = path.read_bytes()
+            data = Path(courses).read_bytes()
         except OSError as error:
             raise CourseFileRefused.unreadable(str(courses), error) from None
+        return Job.of(data, str(courses), setup)
+
+    @staticmethod
+    def of(data: bytes, name: str, setup: Setup) -> Job:
+        """Job of the bytes of a course file, which messages call by its name; the program's header has the base name.
+
+        Raises:
+            CourseFileRefused: the bytes are no course file.
+            ControllerRefused: the setup's controller table cannot be used.
+            ModelRefused: the setup's URDF cannot be used.
+        """
+        controller = load(setup.output.controller)
         machine = machine_of(setup)
         provenance = Provenance(
-            source=path.name,
+            source=Path(name).name,
             source_sha256=hashlib.sha256(data).hexdigest(),
             setup_sha256=setup.sha256(machine.path.read_bytes()),
             version=version("tapelayer"),
         )
-        return Job(parse_courses(data, str(courses)), setup, machine, controller, provenance)
+        return Job(parse_courses(data, name), setup, machine, controller, provenance)
+
+    def make(self, name: str, steps: Steps = UNSEEN) -> Made:
+        """Plan, write, read back and judge a program of that name; `Made.failure` says whether it may be used.
+
+        Raises:
+            TapelayerError: the job cannot be done on this machine.
+        """
+        steps.begin("planning", len(self.courses))
+        planned = self._planned(steps.tick)
+        steps.begin("verifying the plan", len(self.courses))
+        evidence = self.inspector.examine(planned, tick=steps.tick)
+        if not evidence.passed:
+            return Made(self, planned, evidence, b"")
+        steps.begin("writing")
+        text = self.text(Verified(planned, evidence))
+        # A long program's plan is not kept beside what is read back.
+        del planned, evidence
+        steps.begin("reading back")
+        trajectory = self.read_back(text, name).trajectory
+        steps.begin("verifying", len(self.courses))
+        return Made(self, trajectory, self.inspector.examine(trajectory, self.resolution, steps.tick), text)
+
+    def examine(self, text: bytes, name: str, force: bool = False, steps: Steps = UNSEEN) -> Made:
+        """Judge a program by its text, also one that was edited by hand.
+
+        Args:
+            text: bytes of the program.
+            name: the program as the user named it.
+            force: judge it although its header names another setup.
+            steps: who is told what is under way.
+
+        Raises:
+            ProgramRefused: the text cannot be read.
+            ProgramOfOtherSetup: its header names another setup.
+        """
+        steps.begin("reading back")
+        read = self.read_back(text, name)
+        if not force:
+            self.provenance.check_setup(read.setup_sha256, name)
+        remarks = self.provenance.remarks(read.source_sha256, name, "course file")
+        steps.begin("verifying", len(self.courses))
+        evidence = self.inspector.examine(read.trajectory, self.resolution, steps.tick)
+        return Made(self, read.trajectory, evidence, text, remarks)
 
     @cached_property
     def inspector(self) -> Inspector:
         """Judge of trajectories for these courses."""
         return Inspector(self.courses, self.setup, self.machine)
 
-    def plan(self, tick: Tick = silent) -> Verified:
+    def plan(self, tick: Tick = silent) -> Verified[Evidence]:
         """Planned trajectory, verified before there is any text; `tick` is called twice for every course.
 
         Raises:
             TapelayerError: the job cannot be done on this machine, or what was planned failed verification.
         """
-        alone = frozenset(joint for axis in self.controller.axes if axis.alone for joint in axis.joints)
-        return self.inspector.verify(plan(self.courses, self.setup, self.machine, alone, tick), tick=tick)
+        return self.inspector.verify(self._planned(tick), tick=tick)
 
-    def text(self, planned: Verified) -> bytes:
+    def text(self, planned: Verified[Evidence]) -> bytes:
         """NC text of a verified trajectory."""
         return program.write(planned, self.controller, self.provenance)
 
@@ -93,7 +150,7 @@ class Job:
         speeds = {axis.name: axis.speed for axis in self.machine.axes}
         return reader.read(text, self.controller, self.machine.names, speeds, name)
 
-    def judge(self, trajectory: Trajectory, tick: Tick = silent) -> Verified:
+    def judge(self, trajectory: Trajectory, tick: Tick = silent) -> Verified[Evidence]:
         """Verified trajectory that was read back from NC text; `tick` is called for every course.
 
         Raises:
@@ -105,6 +162,46 @@ class Job:
     def resolution(self) -> Floats:
         """Last written digit (k,) of each axis, in metres and radians."""
         return np.array([self.controller.resolution(axis.name) for axis in self.machine.axes])
+
+    def _planned(self, tick: Tick) -> Trajectory:
+        alone = frozenset(joint for axis in self.controller.axes if axis.alone for joint in axis.joints)
+        return plan(self.courses, self.setup, self.machine, alone, tick)
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """What became of a job: a program, and what was found when it was judged.
+
+    Attributes:
+        job: what it was made from.
+        trajectory: as read back from the text; as planned where the plan failed already.
+        evidence: what verification measured on it.
+        text: bytes of the program; none where the plan failed.
+        remarks: what is to be said beside the verdict.
+    """
+
+    job: Job
+    trajectory: Trajectory
+    evidence: Evidence
+    text: bytes
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def failure(self) -> VerificationFailed | None:
+        """Why the program may not be used; None where it passed."""
+        return failure_of(self.evidence)
+
+    def report(self) -> dict[str, Any]:
+        """The report as plain values for JSON; docs/report.md describes every key."""
+        return report.numbers(self.evidence, hashlib.sha256(self.text).hexdigest() if self.text else "")
+
+    def summary(self) -> Table:
+        """The report as a table for a terminal."""
+        return report.summary(self.report())
+
+    def page(self, title: str) -> str:
+        """The report as one HTML page with plots, called as the program is."""
+        return page.html(self.evidence, self.trajectory, self.report(), self.job.setup, title)
 
 
 def machine_of(setup: Setup) -> Machine:

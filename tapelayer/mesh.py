@@ -136,39 +136,54 @@ def read_mesh(path: Path, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
         spot: diameter of the spot in metres: a part smaller than it is taken for one in another unit.
 
     Raises:
-        MeshRefused: the file is missing, empty, cut short or no STL, has corners that are no finite numbers, or nothing
-            is left of it to work on.
+        MeshRefused: the file is missing, or as `parse_mesh`.
     """
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise _refused(path, f"cannot be read: {error.strerror}") from error
-    triangles, ignored = _triangles(path, data)
+        raise MeshRefused.unreadable(str(path), error) from None
+    return parse_mesh(data, str(path), unit, spot)
+
+
+def parse_mesh(data: bytes, name: str, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
+    """Mesh from the bytes of a binary or ASCII STL file, mended.
+
+    Args:
+        data: the file's bytes.
+        name: the file as the user named it, for messages.
+        unit: unit of its numbers; STL does not state one.
+        spot: diameter of the spot in metres: a part smaller than it is taken for one in another unit.
+
+    Raises:
+        MeshRefused: the file is empty, cut short or no STL, has corners that are no finite numbers, or nothing is left
+            of it to work on.
+    """
+    triangles, ignored = _triangles(name, data)
     wrong = np.flatnonzero(~np.all(np.isfinite(triangles), axis=(1, 2)))
     if len(wrong):
         count = f"{len(wrong)} of {len(triangles)} facets have" if len(wrong) > 1 else "a facet has"
-        raise _refused(path, f"{count} corners that are no finite numbers, first facet {wrong[0] + 1}; export it again")
+        raise _refused(name, f"{count} corners that are no finite numbers, first facet {wrong[0] + 1}; export it again")
     triangles = triangles * METRES[unit]
     sides = np.ptp(triangles.reshape(-1, 3), axis=0)
     if sides.max() < spot:
         raise _refused(
-            path,
+            name,
             f"the part's largest side is {sides.max() * 1e3:.3g} mm, less than the spot of {spot * 1e3:g} mm; "
             f"if the file is not in {unit}, say so: --unit {'m' if unit != 'm' else 'mm'}",
         )
     if sides.max() > LARGEST_SIDE:
         raise _refused(
-            path,
+            name,
             f"the part's largest side is {sides.max():.3g} m, expected at most {LARGEST_SIDE:g} m; "
             f"if the file is not in {unit}, say so: --unit {'mm' if unit != 'mm' else 'in'}",
         )
     vertices, facets, mending = mended(triangles)
     if not len(facets):
-        raise _refused(path, f"no facet is left: all {len(triangles)} are without area; export it again")
+        raise _refused(name, f"no facet is left: all {len(triangles)} are without area; export it again")
     return Mesh(
         vertices=vertices,
         facets=facets,
-        name=path.name,
+        name=Path(name).name,
         sha256=hashlib.sha256(data).hexdigest(),
         unit=unit,
         mending=replace(mending, bytes_ignored=ignored),
@@ -363,35 +378,35 @@ def _squares(vectors: Floats) -> Floats:
     return squares
 
 
-def _triangles(path: Path, data: bytes) -> tuple[Floats, int]:
+def _triangles(name: str, data: bytes) -> tuple[Floats, int]:
     """Corners (m, 3, 3) in the file's unit, and how many bytes follow the last facet of a binary file."""
     if not data:
-        raise _refused(path, "the file is empty")
+        raise _refused(name, "the file is empty")
     count = int.from_bytes(data[HEADER_BYTES : HEADER_BYTES + 4], "little")
     expected = HEADER_BYTES + 4 + count * RECORD.itemsize
     if len(data) != expected and b"\0" not in data[:1024]:
-        return _ascii_triangles(path, data), 0
+        return _ascii_triangles(name, data), 0
     if len(data) < HEADER_BYTES + 4:
         raise _refused(
-            path, f"the file has {len(data)} bytes, expected a header of {HEADER_BYTES + 4}: it is cut short"
+            name, f"the file has {len(data)} bytes, expected a header of {HEADER_BYTES + 4}: it is cut short"
         )
     if len(data) < expected:
         raise _refused(
-            path,
+            name,
             f"a binary STL of {count} facets has {expected} bytes, got {len(data)}: it is cut short; export it again",
         )
     if not count:
-        raise _refused(path, f"the header counts no facets, and {len(data) - expected} bytes follow; export it again")
+        raise _refused(name, f"the header counts no facets, and {len(data) - expected} bytes follow; export it again")
     records = np.frombuffer(data, dtype=RECORD, count=count, offset=HEADER_BYTES + 4)
     return records["corners"].astype(np.float64), len(data) - expected
 
 
-def _ascii_triangles(path: Path, data: bytes) -> Floats:
+def _ascii_triangles(name: str, data: bytes) -> Floats:
     """Corners (m, 3, 3) in the file's unit."""
     text = data.lower()
     if not text.lstrip().startswith(b"solid"):
         begin = data.strip()[:40].partition(b"\n")[0].decode("ascii", "replace")
-        raise _refused(path, f"this is no STL file, it begins with {begin!r}; export the part as STL")
+        raise _refused(name, f"this is no STL file, it begins with {begin!r}; export the part as STL")
     names = [line.split()[0] for line in NAME_LINE.findall(text)]
     text = NAME_LINE.sub(b"", text)
     words = text.split()
@@ -399,15 +414,15 @@ def _ascii_triangles(path: Path, data: bytes) -> Floats:
     columns = [words[column :: len(FACET_WORDS)] for column in range(len(FACET_WORDS))]
     in_place = (column.count(word) == facets for word, column in zip(FACET_WORDS, columns, strict=True) if word)
     if len(words) % len(FACET_WORDS) or not all(in_place):
-        raise MeshRefused(str(path), [_ascii_fault(text)])
+        raise MeshRefused(name, [_ascii_fault(text)])
     if names.count(b"solid") != names.count(b"endsolid"):
-        raise _refused(path, "the file ends without endsolid: it is cut short; export it again", len(data.splitlines()))
+        raise _refused(name, "the file ends without endsolid: it is cut short; export it again", len(data.splitlines()))
     if not facets:
-        raise _refused(path, "the file holds no facets")
+        raise _refused(name, "the file holds no facets")
     try:
         numbers = np.array([columns[column] for column in CORNER_COLUMNS]).astype(np.float64)
     except ValueError as error:
-        raise MeshRefused(str(path), [_ascii_fault(text)]) from error
+        raise MeshRefused(name, [_ascii_fault(text)]) from error
     return numbers.T.reshape(-1, 3, 3)
 
 
@@ -435,5 +450,5 @@ def _is_number(word: bytes) -> bool:
     return True
 
 
-def _refused(path: Path, sentence: str, line: int = 0) -> MeshRefused:
-    return MeshRefused(str(path), [Fault(line, sentence)])
+def _refused(name: str, sentence: str, line: int = 0) -> MeshRefused:
+    return MeshRefused(name, [Fault(line, sentence)])

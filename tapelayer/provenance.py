@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tapelayer.errors import Fault, ProgramOfOtherSetup
+
 
 @dataclass(frozen=True)
 class Provenance:
@@ -22,3 +24,32 @@ class Provenance:
     setup_sha256: str
     version: str
     notes: tuple[str, ...] = ()
+
+    def check_setup(self, named: str, program: str) -> None:
+        """Refuse a program whose header names another setup.
+
+        Args:
+            named: SHA-256 of a setup as the header gives it; empty where it gives none.
+            program: the program as the user named it.
+
+        Raises:
+            ProgramOfOtherSetup: the setups differ.
+        """
+        if named and named != self.setup_sha256:
+            sentence = (
+                f"its header names the setup {named[:12]}..., this one is {self.setup_sha256[:12]}...; "
+                "give the setup it was made with (options count, too), or judge it by this one with --force"
+            )
+            raise ProgramOfOtherSetup(program, [Fault(0, sentence)])
+
+    def remarks(self, named: str, program: str, source: str) -> tuple[str, ...]:
+        """A sentence where a program's header names another source.
+
+        Args:
+            named: SHA-256 of a source as the header gives it; empty where it gives none.
+            program: the program as the user named it.
+            source: what these sources are called, with this one's name.
+        """
+        if not named or named == self.source_sha256:
+            return ()
+        return (f"{program}: its header names another {source} than {self.source}",)

@@ -7,31 +7,34 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import Any
 
 import numpy as np
+from rich.table import Table
 
 from post import program, reader
 from post.controllers import Controller, load
+from tapelayer import spray_page, spray_report
 from tapelayer.arrays import Floats
 from tapelayer.coat import coat_of
+from tapelayer.errors import MeshRefused, VerificationFailed
 from tapelayer.machine import Machine
-from tapelayer.mesh import Mesh, Unit, read_mesh
+from tapelayer.mesh import Mesh, Unit, parse_mesh
 from tapelayer.passes import Plan, plan_passes
-from tapelayer.progress import Tick, silent
+from tapelayer.progress import UNSEEN, Steps, Tick, silent
 from tapelayer.provenance import Provenance
 from tapelayer.reach import Reach, placed, placement
 from tapelayer.setup import MM
 from tapelayer.spray_evidence import SprayEvidence
 from tapelayer.spray_report import Judged
 from tapelayer.spray_setup import SpraySetup
-from tapelayer.spray_verification import Sprayed, SprayInspector
+from tapelayer.spray_trajectory import trajectory_text
+from tapelayer.spray_verification import SprayInspector
 from tapelayer.spraying import AXES, Spraying, spray
 from tapelayer.thickness import footprint_of, widest_pitch
+from tapelayer.trajectory import Trajectory
+from tapelayer.verified import Verified, failure_of
 from urdf import SPRAYER
-
-if TYPE_CHECKING:
-    from tapelayer.verification import Verified
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +65,29 @@ class SprayJob:
             ModelRefused: the setup's URDF cannot be used.
             FootprintRefused: the setup's profile cannot be used.
         """
+        try:
+            data = Path(model).read_bytes()
+        except OSError as error:
+            raise MeshRefused.unreadable(str(model), error) from None
+        return SprayJob.of(data, str(model), setup, unit)
+
+    @staticmethod
+    def of(data: bytes, name: str, setup: SpraySetup, unit: Unit = "mm") -> SprayJob:
+        """Job of the bytes of a mesh file, which messages call by its name; the program's header has the base name.
+
+        Raises:
+            MeshRefused: the bytes cannot be used.
+            ControllerRefused: the setup's controller table cannot be used.
+            ModelRefused: the setup's URDF cannot be used.
+            FootprintRefused: the setup's profile cannot be used.
+        """
         controller = load(setup.output.controller)
         machine = sprayer_of(setup)
         profile = b""
         if setup.footprint.profile is not None:
             footprint_of(setup)
             profile = Path(setup.footprint.profile).read_bytes()
-        mesh = read_mesh(Path(model), unit, setup.spray.spot_mm * MM)
+        mesh = parse_mesh(data, name, unit, setup.spray.spot_mm * MM)
         provenance = Provenance(
             source=mesh.name,
             source_sha256=mesh.sha256,
@@ -77,6 +96,57 @@ class SprayJob:
             notes=(f"model in {unit}", *setup.process.notes()),
         )
         return SprayJob(mesh, setup, machine, controller, provenance)
+
+    def make(self, name: str, steps: Steps = UNSEEN) -> SprayMade:
+        """Plan, write, read back and judge a program of that name; `SprayMade.failure` says whether it may be used.
+
+        Raises:
+            TapelayerError: the job cannot be done on this robot.
+        """
+        steps.begin("slicing")
+        passes = self.plan.passes
+        steps.begin("planning", len(passes))
+        planned = self.spraying(steps.tick)
+        inspector = self.inspector(planned)
+        steps.begin("verifying the plan", len(passes))
+        trajectory, text = planned.trajectory, b""
+        evidence = inspector.examine(trajectory, tick=steps.tick)
+        if evidence.passed:
+            steps.begin("writing")
+            text = self.text(Verified(trajectory, evidence))
+            steps.begin("reading back")
+            trajectory = self.read_back(text, name).trajectory
+            steps.begin("verifying", len(passes))
+            evidence = inspector.examine(trajectory, self.resolution, steps.tick)
+        steps.begin("measuring the coat")
+        return SprayMade(self, planned, trajectory, self.judged(planned, evidence, text), text)
+
+    def examine(self, text: bytes, name: str, force: bool = False, steps: Steps = UNSEEN) -> SprayMade:
+        """Judge a program by its text against the passes that its model and setup ask for.
+
+        Args:
+            text: bytes of the program.
+            name: the program as the user named it.
+            force: judge it although its header names another setup.
+            steps: who is told what is under way.
+
+        Raises:
+            ProgramRefused: the text cannot be read.
+            ProgramOfOtherSetup: its header names another setup.
+        """
+        steps.begin("reading back")
+        read = self.read_back(text, name)
+        if not force:
+            self.provenance.check_setup(read.setup_sha256, name)
+        remarks = self.provenance.remarks(read.source_sha256, name, "model")
+        steps.begin("slicing")
+        passes = self.plan.passes
+        steps.begin("planning", len(passes))
+        planned = self.spraying(steps.tick)
+        steps.begin("verifying", len(passes))
+        evidence = self.inspector(planned).examine(read.trajectory, self.resolution, steps.tick)
+        steps.begin("measuring the coat")
+        return SprayMade(self, planned, read.trajectory, self.judged(planned, evidence, text), text, remarks)
 
     @cached_property
     def placement(self) -> tuple[Floats, Floats]:
@@ -129,14 +199,13 @@ class SprayJob:
             mesh=self.mesh,
             slowdowns=planned.slowdowns,
             pitch=self.pitch,
-            program_sha256=hashlib.sha256(text).hexdigest(),
+            program_sha256=hashlib.sha256(text).hexdigest() if text else "",
         )
 
-    def text(self, planned: Sprayed) -> bytes:
+    def text(self, planned: Verified[SprayEvidence]) -> bytes:
         """NC text of a verified trajectory."""
-        # The writer asks of what is verified for its trajectory alone.
         controller = _with_current(self.controller, self.setup.process.current_a)
-        return program.write(cast("Verified", planned), controller, self.provenance)
+        return program.write(planned, controller, self.provenance)
 
     def read_back(self, text: bytes, name: str) -> reader.Program:
         """What an NC text says.
@@ -151,6 +220,53 @@ class SprayJob:
     def resolution(self) -> Floats:
         """Last written digit (5,) of each axis of a program, in metres and radians."""
         return np.array([self.controller.resolution(name) for name in AXES])
+
+
+@dataclass(frozen=True, eq=False)
+class SprayMade:
+    """What became of a job: a program, and what was found when it was judged.
+
+    Attributes:
+        job: what it was made from.
+        planned: the passes as they are sprayed.
+        trajectory: as read back from the text; as planned where the plan failed already.
+        judged: what verification measured on it, and the coat.
+        text: bytes of the program; none where the plan failed.
+        remarks: what is to be said beside the verdict.
+    """
+
+    job: SprayJob
+    planned: Spraying
+    trajectory: Trajectory
+    judged: Judged
+    text: bytes
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def evidence(self) -> SprayEvidence:
+        """What verification measured."""
+        return self.judged.evidence
+
+    @property
+    def failure(self) -> VerificationFailed | None:
+        """Why the program may not be used; None where it passed."""
+        return failure_of(self.evidence)
+
+    def report(self) -> dict[str, Any]:
+        """The report as plain values for JSON; docs/spray.md describes every key."""
+        return spray_report.numbers(self.judged)
+
+    def summary(self) -> Table:
+        """The report as a table for a terminal."""
+        return spray_report.summary(self.report())
+
+    def page(self, title: str) -> str:
+        """The report as one HTML page with plots, called as the program is."""
+        return spray_page.html(self.judged, self.trajectory, self.job.setup, title)
+
+    def poses(self) -> bytes:
+        """The gun's poses in the part's frame, as a text file."""
+        return trajectory_text(self.job.plan.passes, self.planned.pieces, self.job.placement, self.job.provenance)
 
 
 def _with_current(controller: Controller, current: float | None) -> Controller:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints
-from tapelayer.errors import VerificationFailed
 from tapelayer.evidence import AxisUse
 from tapelayer.machine import Machine
 from tapelayer.mesh import Mesh
@@ -21,6 +19,7 @@ from tapelayer.spray_setup import SpraySetup
 from tapelayer.spraying import AXES, Split
 from tapelayer.stretches import Stretch, along, arc_on, distances_to, sampled, stretches_of, ways_of
 from tapelayer.trajectory import MOTIONS, Event, Kind, Trajectory
+from tapelayer.verified import Verified
 
 # Pinocchio itself evaluates this many block ends; of a longer program an even selection.
 PINOCCHIO_BLOCKS = 20_000
@@ -31,20 +30,6 @@ FEED_DIGITS = 1e-5
 AT_EDGE = 2e-6
 # A split is one that the plan has if it is this near to it, metres.
 SAME_SPLIT = 1e-3
-SHOWN_FAILURES = 10
-
-
-@dataclass(frozen=True, eq=False)
-class Sprayed:
-    """A trajectory that passed verification, with its evidence; only the inspector makes one.
-
-    Attributes:
-        trajectory: what was verified.
-        evidence: every number that was measured.
-    """
-
-    trajectory: Trajectory
-    evidence: SprayEvidence
 
 
 class SprayInspector:
@@ -67,7 +52,9 @@ class SprayInspector:
         self.axes = [machine.axis(name) for name in AXES]
         self.slack = setup.verification.max_position_error_mm * MM
 
-    def verify(self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent) -> Sprayed:
+    def verify(
+        self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent
+    ) -> Verified[SprayEvidence]:
         """Verified trajectory, or the reasons why it is none.
 
         Args:
@@ -78,10 +65,7 @@ class SprayInspector:
         Raises:
             VerificationFailed: something does not hold; its evidence tells all.
         """
-        evidence = self.examine(trajectory, resolution, tick)
-        if not evidence.passed:
-            raise VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
-        return Sprayed(trajectory, evidence)
+        return Verified(trajectory, self.examine(trajectory, resolution, tick))
 
     def examine(self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent) -> SprayEvidence:
         """Evidence on a trajectory, failures included; arguments as `verify`."""

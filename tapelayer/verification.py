@@ -12,7 +12,6 @@ from tapelayer import gantry
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.course import Course
 from tapelayer.cutting import Laid, judge_cuts
-from tapelayer.errors import VerificationFailed
 from tapelayer.evidence import AxisUse, Evidence, Failure, Samples, TapeLedger
 from tapelayer.laying import place
 from tapelayer.machine import CHUNK, Machine
@@ -21,6 +20,7 @@ from tapelayer.sequence import FEED_DIGITS, judge_sequence
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.toolpath import Toolpath
 from tapelayer.trajectory import Event, Kind, Trajectory
+from tapelayer.verified import Verified
 
 # Between two block ends the path is looked at this often, and at least every so many metres.
 LEAST_SAMPLES = 4
@@ -37,21 +37,6 @@ HELD = 1e-3
 # The nip's arc length is found from the tape fed to this accuracy, in metres.
 STATION_ACCURACY = 1e-10
 
-SHOWN_FAILURES = 10
-
-
-@dataclass(frozen=True, eq=False)
-class Verified:
-    """A trajectory that passed verification, with its evidence; only `verify` makes one.
-
-    Attributes:
-        trajectory: what was verified.
-        evidence: every number that was measured.
-    """
-
-    trajectory: Trajectory
-    evidence: Evidence
-
 
 def verify(
     trajectory: Trajectory,
@@ -59,7 +44,7 @@ def verify(
     setup: Setup,
     machine: Machine,
     resolution: Floats | None = None,
-) -> Verified:
+) -> Verified[Evidence]:
     """Verified trajectory, or the reasons why it is none.
 
     Args:
@@ -97,12 +82,11 @@ class Inspector:
         self._slides = [machine.column(name) for name in "xyz"]
         self.published = setup.process.kinematics == "published"
 
-    def verify(self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent) -> Verified:
+    def verify(
+        self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent
+    ) -> Verified[Evidence]:
         """As the function `verify`; `tick` is called for every course that is done."""
-        evidence = self.examine(trajectory, resolution, tick)
-        if not evidence.passed:
-            raise VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
-        return Verified(trajectory, evidence)
+        return Verified(trajectory, self.examine(trajectory, resolution, tick))
 
     def examine(self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent) -> Evidence:
         """Evidence on a trajectory, failures included; arguments as `verify`."""

@@ -73,7 +73,7 @@ def test_quiet_says_nothing_and_verbose_every_step(tmp_path: Path) -> None:
     quiet = run("export", FLAT, "--quiet", cwd=tmp_path)
     assert quiet.stdout == quiet.stderr == ""
     verbose = run("export", FLAT, "--verbose", cwd=tmp_path)
-    for step in ("planning: ", "writing: ", "reading back: ", "verifying the text: "):
+    for step in ("planning: ", "writing: ", "reading back: ", "verifying the plan: ", "verifying: "):
         assert step in verbose.stderr
 
 

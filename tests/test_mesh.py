@@ -189,7 +189,7 @@ def test_arrays_are_read_only(tmp_path):
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    assert refusal(tmp_path / "part.stl") == "cannot be read: No such file or directory"
+    assert refusal(tmp_path / "part.stl") == "cannot be read: no such file or directory"
 
 
 @pytest.mark.parametrize(
