@@ -1,0 +1,338 @@
+"""Store: the jobs of a work directory, an SQLite index with a folder a job; it survives a restart and a power cut.
+
+    WORK/lock            held while a server uses the directory
+    WORK/index.sqlite    a row a job
+    WORK/jobs/<id>/      its files
+    WORK/staging/<x>/    uploads that are no job yet
+    WORK/trash/<x>/      folders on their way out
+
+Folders move by a rename before or after their row changes, so that whatever a crash leaves is found at the next start.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import secrets
+import shutil
+import sqlite3
+import threading
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any, Literal
+
+from tapelayer.errors import WorkDirectoryRefused
+from tapelayer.output import write_files
+from tapelayer.workbench.problems import Problem
+
+State = Literal["queued", "running", "done", "failed", "cancelled"]
+Ending = Literal["done", "failed", "cancelled"]
+
+SCHEMA = 1
+TABLE = """
+CREATE TABLE jobs (
+    number INTEGER PRIMARY KEY AUTOINCREMENT,
+    id TEXT NOT NULL UNIQUE,
+    owner TEXT NOT NULL,
+    kind TEXT NOT NULL,
+    name TEXT NOT NULL,
+    state TEXT NOT NULL CHECK (state IN ('queued', 'running', 'done', 'failed', 'cancelled')),
+    stage TEXT NOT NULL,
+    progress REAL NOT NULL,
+    created_at TEXT NOT NULL,
+    finished_at TEXT,
+    summary TEXT,
+    error TEXT
+) STRICT
+"""
+
+
+@dataclass(frozen=True)
+class Record:
+    """A job as the index has it.
+
+    Attributes:
+        id: 32 hexadecimal digits, 128 random bits.
+        owner: hash of its owner's key.
+        kind: lay or spray.
+        name: of the uploaded file, for people.
+        state: what has become of it.
+        stage: what is under way, or was when it ended; empty before it began.
+        progress: 0 to 1.
+        created_at: RFC 3339, UTC.
+        finished_at: likewise; None while it is not finished.
+        summary: of what was made; None where nothing was.
+        error: problem details; None where there is none.
+    """
+
+    id: str
+    owner: str
+    kind: str
+    name: str
+    state: State
+    stage: str
+    progress: float
+    created_at: str
+    finished_at: str | None
+    summary: dict[str, Any] | None
+    error: dict[str, Any] | None
+
+    @property
+    def ended(self) -> bool:
+        """Whether its state will not change any more."""
+        return self.state not in ("queued", "running")
+
+
+COLUMNS = ", ".join(field.name for field in fields(Record))
+
+
+class Store:
+    """Jobs of a work directory, which one server at a time may use.
+
+    Args:
+        work: the directory; it is made where it is missing.
+
+    Raises:
+        WorkDirectoryRefused: it cannot be used, or another server uses it.
+    """
+
+    def __init__(self, work: Path) -> None:
+        self.work = work.resolve()
+        self._jobs, self._staging, self._trash = (self.work / name for name in ("jobs", "staging", "trash"))
+        # Steps of progress are many and worthless after a restart: they stay out of the index.
+        self._steps: dict[str, tuple[str, float]] = {}
+        self._guard = threading.RLock()
+        try:
+            for folder in (self._jobs, self._staging, self._trash):
+                folder.mkdir(parents=True, exist_ok=True)
+            self._lock = (self.work / "lock").open("w")
+        except OSError as error:
+            raise self._refused(str(error.strerror).lower()) from None
+        try:
+            self._hold()
+            self._index = self._opened()
+        except BaseException:
+            self._lock.close()
+            raise
+
+    def close(self) -> None:
+        """Let another server use the directory."""
+        with self._guard:
+            self._index.close()
+            self._lock.close()
+
+    def stage(self) -> Path:
+        """A new empty folder for uploads, on the disk of the jobs."""
+        folder = self._staging / secrets.token_hex(16)
+        folder.mkdir()
+        return folder
+
+    def create(self, owner: str, request: Mapping[str, Any], staged: Path) -> Record:
+        """A new queued job.
+
+        Args:
+            owner: hash of its owner's key.
+            request: what is asked for, with at least `kind` and `name`; becomes request.json.
+            staged: folder of `stage` with the uploads, which becomes the job's.
+
+        Raises:
+            TargetNotWritable: the disk is full.
+        """
+        record = Record(
+            id=secrets.token_hex(16),
+            owner=owner,
+            kind=request["kind"],
+            name=request["name"],
+            state="queued",
+            stage="",
+            progress=0.0,
+            created_at=_now(),
+            finished_at=None,
+            summary=None,
+            error=None,
+        )
+        write_request(staged, request)
+        staged.rename(self.folder(record.id))
+        values = (record.id, owner, record.kind, record.name, record.state, "", 0.0, record.created_at)
+        with self._guard:
+            self._index.execute(
+                "INSERT INTO jobs (id, owner, kind, name, state, stage, progress, created_at)"
+                " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                values,
+            )
+        return record
+
+    def folder(self, job: str) -> Path:
+        """Folder of a job's files."""
+        return self._jobs / job
+
+    def get(self, job: str) -> Record:
+        """A job by its id.
+
+        Raises:
+            Problem: there is no such job.
+        """
+        found = self._select("WHERE id = ?", job)
+        if not found:
+            raise Problem("not-found", f"there is no job {job}; it may have expired or been removed")
+        return found[0]
+
+    def of_owner(self, owner: str) -> list[Record]:
+        """An owner's jobs, the newest first."""
+        return self._select("WHERE owner = ? ORDER BY number DESC", owner)
+
+    def begin(self, job: str) -> Record:
+        """Say that a job runs.
+
+        Raises:
+            Problem: there is no such job.
+        """
+        with self._guard:
+            self._index.execute("UPDATE jobs SET state = 'running' WHERE id = ?", (job,))
+            return self.get(job)
+
+    def advance(self, job: str, stage: str, progress: float) -> None:
+        """Say how far a running job is."""
+        with self._guard:
+            self._steps[job] = (stage, progress)
+
+    def finish(
+        self, job: str, state: Ending, summary: Mapping[str, Any] | None, error: Mapping[str, Any] | None
+    ) -> Record:
+        """Say how a job ended.
+
+        Raises:
+            Problem: there is no such job.
+        """
+        with self._guard:
+            stage, progress = self._steps.pop(job, ("", 0.0))
+            self._index.execute(
+                "UPDATE jobs SET state = ?, stage = ?, progress = ?, finished_at = ?, summary = ?, error = ?"
+                " WHERE id = ?",
+                (state, stage, 1.0 if state == "done" else progress, _now(), _text(summary), _text(error), job),
+            )
+            return self.get(job)
+
+    def delete(self, job: str) -> None:
+        """Remove a job that does not run, with its files.
+
+        Raises:
+            Problem: there is no such job.
+        """
+        with self._guard:
+            self.get(job)
+            gone = self._discard(job)
+        shutil.rmtree(gone, ignore_errors=True)
+
+    def expire(self, keep_days: float) -> int:
+        """Remove the jobs that ended more than so many days ago; the number of them."""
+        oldest = _stamp(datetime.now(UTC) - timedelta(days=keep_days))
+        with self._guard:
+            gone = [self._discard(record.id) for record in self._select("WHERE finished_at < ?", oldest)]
+        for folder in gone:
+            shutil.rmtree(folder, ignore_errors=True)
+        return len(gone)
+
+    def recover(self) -> list[Record]:
+        """Put right what the last server left; the queued jobs, the oldest first.
+
+        Jobs that ran have failed, and what has a row or a folder only is removed.
+        """
+        with self._guard:
+            for record in self._select("WHERE state = 'running'"):
+                stopped = Problem("server-stopped", "the server was stopped while this job ran; submit it again")
+                self.finish(record.id, "failed", None, stopped.body())
+            folders = {folder.name for folder in self._jobs.iterdir()}
+            rows = {record.id for record in self._select("")}
+            self._index.executemany("DELETE FROM jobs WHERE id = ?", [(job,) for job in rows - folders])
+            for job in folders - rows:
+                shutil.rmtree(self._jobs / job, ignore_errors=True)
+            for parent in (self._staging, self._trash):
+                for left in parent.iterdir():
+                    shutil.rmtree(left, ignore_errors=True)
+            return self._select("WHERE state = 'queued' ORDER BY number")
+
+    def _discard(self, job: str) -> Path:
+        """Take a job out of the index; its folder on its way out, where what cannot be removed waits for a restart."""
+        gone = self._trash / secrets.token_hex(16)
+        with suppress(FileNotFoundError):
+            self.folder(job).rename(gone)
+        self._index.execute("DELETE FROM jobs WHERE id = ?", (job,))
+        return gone
+
+    def _select(self, clause: str, *values: str) -> list[Record]:
+        with self._guard:
+            rows = self._index.execute(f"SELECT {COLUMNS} FROM jobs {clause}", values).fetchall()
+            return [self._record(row) for row in rows]
+
+    def _record(self, row: tuple[Any, ...]) -> Record:
+        *plain, summary, error = row
+        values = (*plain, _value(summary), _value(error))
+        record = Record(**{field.name: value for field, value in zip(fields(Record), values, strict=True)})
+        if record.id not in self._steps:
+            return record
+        stage, progress = self._steps[record.id]
+        return replace(record, stage=stage, progress=progress)
+
+    def _hold(self) -> None:
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in (errno.EAGAIN, errno.EACCES):
+                raise self._refused("another server uses it") from None
+            raise self._refused(str(error.strerror).lower()) from None
+
+    def _opened(self) -> sqlite3.Connection:
+        """The index, made where it is missing."""
+        # The guard lets one thread at a time use the connection.
+        index = sqlite3.connect(self.work / "index.sqlite", isolation_level=None, check_same_thread=False)
+        try:
+            index.execute("PRAGMA journal_mode = WAL")
+            index.execute("PRAGMA synchronous = FULL")
+            schema = index.execute("PRAGMA user_version").fetchone()[0]
+            if schema not in (0, SCHEMA):
+                raise self._refused(f"its index has schema {schema}, this version reads {SCHEMA}")
+            if schema == 0:
+                index.executescript(f"BEGIN; {TABLE}; PRAGMA user_version = {SCHEMA}; COMMIT;")
+        except sqlite3.Error as error:
+            index.close()
+            raise self._refused(f"its index.sqlite: {error}") from None
+        except WorkDirectoryRefused:
+            index.close()
+            raise
+        return index
+
+    def _refused(self, reason: str) -> WorkDirectoryRefused:
+        return WorkDirectoryRefused(
+            f"work directory {self.work} cannot be used: {reason}; give another one with --work-dir"
+        )
+
+
+def write_request(folder: Path, request: Mapping[str, Any]) -> None:
+    """Write what is asked for into a folder of uploads, where a worker reads it.
+
+    Raises:
+        TargetNotWritable: the disk is full.
+    """
+    write_files({folder / "request.json": json.dumps(request, ensure_ascii=False).encode()})
+
+
+def _now() -> str:
+    return _stamp(datetime.now(UTC))
+
+
+def _stamp(moment: datetime) -> str:
+    """A moment in UTC as RFC 3339; always as many characters, so that text sorts as time does."""
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _text(value: Mapping[str, Any] | None) -> str | None:
+    return None if value is None else json.dumps(value, allow_nan=False)
+
+
+def _value(text: str | None) -> Any:
+    return None if text is None else json.loads(text)

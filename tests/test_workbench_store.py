@@ -1,0 +1,200 @@
+"""The work directory keeps its jobs: whole, apart by owner, and over a restart."""
+
+from __future__ import annotations
+
+import json
+import re
+import sqlite3
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tapelayer.errors import WorkDirectoryRefused
+from tapelayer.workbench import store as store_module
+from tapelayer.workbench.problems import Problem
+from tapelayer.workbench.store import Record, Store
+
+REQUEST = {"kind": "lay", "name": "铺层.txt", "parts": []}
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    opened = Store(tmp_path / "work")
+    yield opened
+    opened.close()
+
+
+def add(store: Store, owner: str = "ann", **request: Any) -> Record:
+    staged = store.stage()
+    (staged / "source").write_bytes(b"1\nstart\n")
+    return store.create(owner, REQUEST | request, staged)
+
+
+def folders(store: Store, name: str) -> set[str]:
+    return {path.name for path in (store.work / name).iterdir()}
+
+
+def test_a_job_is_what_was_asked_for_with_its_files(store: Store) -> None:
+    record = add(store)
+    assert re.fullmatch(r"[0-9a-f]{32}", record.id)
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", record.created_at)
+    assert record == Record(record.id, "ann", "lay", "铺层.txt", "queued", "", 0.0, record.created_at, None, None, None)
+    assert store.get(record.id) == record
+    assert json.loads((store.folder(record.id) / "request.json").read_text()) == REQUEST
+    assert (store.folder(record.id) / "source").read_bytes() == b"1\nstart\n"
+    assert folders(store, "staging") == set()
+
+
+def test_lists_are_an_owners_own_the_newest_first(store: Store) -> None:
+    first, other, second = add(store), add(store, "bob"), add(store)
+    assert store.of_owner("ann") == [second, first]
+    assert store.of_owner("bob") == [other]
+    assert store.of_owner("eve") == []
+
+
+def test_a_job_goes_through_its_states(store: Store) -> None:
+    record = add(store)
+    assert not record.ended
+    assert store.begin(record.id).state == "running"
+    store.advance(record.id, "planning", 0.25)
+    seen = store.get(record.id)
+    assert (seen.state, seen.stage, seen.progress, seen.ended) == ("running", "planning", 0.25, False)
+    done = store.finish(record.id, "done", {"blocks": 3}, None)
+    assert (done.state, done.progress, done.summary, done.error) == ("done", 1.0, {"blocks": 3}, None)
+    assert done.ended and done.finished_at is not None and done.finished_at >= done.created_at
+    assert store.get(record.id) == done
+
+
+def test_a_failed_job_stays_where_it_was(store: Store) -> None:
+    record = add(store)
+    store.begin(record.id)
+    store.advance(record.id, "planning", 0.25)
+    failed = store.finish(record.id, "failed", None, {"code": "cuts-cross"})
+    assert (failed.stage, failed.progress, failed.error) == ("planning", 0.25, {"code": "cuts-cross"})
+
+
+def test_an_unknown_job_is_a_problem(store: Store) -> None:
+    for ask in (store.get, store.delete, store.begin):
+        with pytest.raises(Problem, match="there is no job ffff; it may have expired or been removed") as caught:
+            ask("ffff")
+        assert caught.value.code == "not-found"
+
+
+def test_delete_removes_row_and_folder(store: Store) -> None:
+    record, other = add(store), add(store)
+    store.delete(record.id)
+    assert store.of_owner("ann") == [other]
+    assert folders(store, "jobs") == {other.id}
+    assert folders(store, "trash") == set()
+
+
+def test_a_job_without_a_folder_can_be_deleted(store: Store) -> None:
+    record = add(store)
+    store.folder(record.id).rename(store.work / "elsewhere")
+    store.delete(record.id)
+    assert store.of_owner("ann") == []
+
+
+def test_the_index_survives_a_restart(tmp_path: Path) -> None:
+    first = Store(tmp_path)
+    done, queued, later, ran = add(first), add(first), add(first), add(first)
+    first.finish(done.id, "done", {"blocks": 3}, None)
+    kept = first.get(done.id)
+    first.begin(ran.id)
+    first.advance(ran.id, "planning", 0.5)
+    first.stage()
+    first.close()
+    second = Store(tmp_path)
+    assert second.recover() == [queued, later]
+    assert second.get(done.id) == kept
+    lost = second.get(ran.id)
+    assert lost.state == "failed" and lost.error is not None and lost.error["code"] == "server-stopped"
+    assert lost.error["detail"] == "the server was stopped while this job ran; submit it again"
+    assert folders(second, "staging") == set()
+    second.close()
+
+
+def test_what_a_crash_leaves_half_done_is_finished(tmp_path: Path) -> None:
+    first = Store(tmp_path)
+    whole, no_folder = add(first), add(first)
+    first.folder(no_folder.id).rename(tmp_path / "trash" / "half")
+    staged = first.stage()
+    staged.rename(first.folder("0" * 32))
+    first.close()
+    second = Store(tmp_path)
+    assert second.recover() == [whole]
+    assert second.of_owner("ann") == [whole]
+    assert folders(second, "jobs") == {whole.id}
+    assert folders(second, "trash") == set()
+    second.close()
+
+
+def test_jobs_expire_by_the_day_they_ended(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    old, recent, queued = add(store), add(store), add(store)
+    monkeypatch.setattr(store_module, "_now", lambda: "2020-01-01T00:00:00.000Z")
+    store.finish(old.id, "failed", None, {"code": "cuts-cross"})
+    monkeypatch.undo()
+    store.finish(recent.id, "done", {}, None)
+    assert store.expire(30) == 1
+    assert store.of_owner("ann") == [queued, store.get(recent.id)]
+    assert folders(store, "jobs") == {queued.id, recent.id}
+
+
+def test_one_server_at_a_time(tmp_path: Path) -> None:
+    first = Store(tmp_path)
+    with pytest.raises(WorkDirectoryRefused) as caught:
+        Store(tmp_path)
+    assert str(caught.value) == (
+        f"work directory {tmp_path} cannot be used: another server uses it; give another one with --work-dir"
+    )
+    assert caught.value.exit_code == 2
+    first.close()
+    Store(tmp_path).close()
+
+
+def test_a_directory_that_cannot_be_used_is_one_sentence(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_bytes(b"")
+    with pytest.raises(
+        WorkDirectoryRefused, match=r"file cannot be used: not a directory; give another one with --work-dir$"
+    ):
+        Store(file)
+    with pytest.raises(WorkDirectoryRefused, match=r"proc/none cannot be used: no such file or directory; give"):
+        Store(Path("/proc/none"))
+
+
+def test_an_index_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    index = tmp_path / "index.sqlite"
+    index.write_bytes(b"no database at all, but long enough to be one" * 40)
+    with pytest.raises(WorkDirectoryRefused, match=r"its index\.sqlite: file is not a database; give"):
+        Store(tmp_path)
+    index.unlink()
+    newer = sqlite3.connect(index)
+    newer.execute("PRAGMA user_version = 7")
+    newer.close()
+    with pytest.raises(WorkDirectoryRefused, match="its index has schema 7, this version reads 1; give"):
+        Store(tmp_path)
+    index.unlink()
+    Store(tmp_path).close()
+
+
+def test_threads_share_the_index(store: Store) -> None:
+    def work(owner: str) -> None:
+        for count in range(10):
+            record = add(store, owner, name=f"{owner}{count}")
+            store.begin(record.id)
+            store.finish(record.id, "done", {"of": owner}, None)
+
+    owners = [f"owner{n}" for n in range(4)]
+    threads = [threading.Thread(target=work, args=(owner,)) for owner in owners]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for owner in owners:
+        records = store.of_owner(owner)
+        assert [record.name for record in records] == [f"{owner}{count}" for count in reversed(range(10))]
+        assert {json.dumps(record.summary) for record in records} == {json.dumps({"of": owner})}
