@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from post.controllers import load
 from tapelayer.course import read_courses
 from tapelayer.errors import (
     AxisBeyondTravel,
@@ -124,9 +125,6 @@ def test_a_ply_beyond_the_longest_word_is_refused_by_name() -> None:
     assert exported(job_of(courses, setup_of()))[1].passed
 
 
-# Half a millisecond of a dwell is an eighth of a millimetre of tape: with delays a dwell needs more digits.
-DWELLS = CONTROLLER.codes.model_copy(update={"dwell_decimals": 6})
-MICROSECONDS = CONTROLLER.model_copy(update={"codes": DWELLS})
 REFUSALS = {
     AxisBeyondTravel: r"axis [a-z] would be at .* beyond its bound",
     BladesMeet: r"blades of .* blade_length_mm must not be more",
@@ -143,7 +141,7 @@ REFUSALS = {
 def outcome(seed: int) -> str:
     """What becomes of a seed's ply: a verified program whose tape is right, or a refusal that says what and why."""
     courses, setup = Chance(seed).ply()
-    job = job_of(courses, setup, MICROSECONDS)
+    job = job_of(courses, setup)
     try:
         text, evidence = exported(job)
     except tuple(REFUSALS) as refused:
@@ -153,6 +151,16 @@ def outcome(seed: int) -> str:
     if not (setup.head.delays_ms.shoe or setup.head.delays_ms.knife):
         assert faults_of_the_tape(text, courses, setup, job.machine) == [], f"seed {seed}"
     return "verified"
+
+
+@pytest.mark.parametrize("control", ["linuxcnc", "linuxcnc_remap", "sinumerik840d"])
+@pytest.mark.parametrize("seed", [38, 129, 150])
+def test_the_head_waits_for_slow_actuators_by_dwells_of_any_control(seed: int, control: str) -> None:
+    """Half a millisecond of a dwell would be an eighth of a millimetre of tape."""
+    courses, setup = Chance(seed).ply()
+    assert setup.head.delays_ms.shoe >= 150
+    _, evidence = exported(job_of(courses, setup, load(control)))
+    assert evidence.passed, evidence.worst(5)
 
 
 @pytest.mark.parametrize(

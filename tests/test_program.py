@@ -122,7 +122,7 @@ def test_motion_before_the_first_course_has_absolute_mode_stated_too() -> None:
 
 def test_words_stand_where_their_text_changes() -> None:
     moves = [(Kind.LINEAR, 0, 1.0, {"x": 100.0004}), (Kind.LINEAR, 0, 1.0, {"x": 100.0006, "y": 1.0})]
-    assert body([*LINK, *moves]).splitlines()[4:] == ["N40 G04 P1.000", "N50 G01 X100.001 Y1.000 F60.0000"]
+    assert body([*LINK, *moves]).splitlines()[4:] == ["N40 G04 P1.000000", "N50 G01 X100.001 Y1.000 F60.0000"]
 
 
 def test_a_block_without_words_is_a_dwell_or_gives_its_time_to_the_next() -> None:
@@ -130,8 +130,15 @@ def test_a_block_without_words_is_a_dwell_or_gives_its_time_to_the_next() -> Non
     move = (Kind.LINEAR, 0, 0.9992, {"x": 101})
     assert body([*LINK, tiny, tiny, move]).splitlines()[4:] == ["N40 G01 X101.000 F60.0000"]
     stop = (Kind.SWITCH, 0, 0.0, Event.SHOE_DOWN)
-    assert body([*LINK, tiny, tiny, stop, tiny]).splitlines()[4:] == ["N40 G04 P0.001", "N50 M20"]
-    assert body([*LINK, (Kind.LINEAR, 0, 2.0, {}), move]).splitlines()[4] == "N40 G04 P2.000"
+    assert body([*LINK, tiny, tiny, stop, tiny]).splitlines()[4:] == [
+        "N40 G04 P0.000800",
+        "N50 M20",
+        "N60 G04 P0.000400",
+    ]
+    assert body([*LINK, (Kind.LINEAR, 0, 2.0, {}), move]).splitlines()[4] == "N40 G04 P2.000000"
+    tenths = changed_table(('dwell_address = "P"', 'dwell_address = "P"\ndwell_decimals = 1'))
+    blocks = [*LINK, (Kind.LINEAR, 0, 0.04, {}), (Kind.LINEAR, 0, 0.96, {"x": 101}), (Kind.LINEAR, 0, 0.06, {})]
+    assert body(blocks, tenths).splitlines()[4:] == ["N40 G01 X101.000 F60.0000", "N50 G04 P0.1"]
     assert body([*LINK, (Kind.RAPID, 0, 0.0, {}), (Kind.DWELL, 0, 0.0, {})]) == body(LINK)
 
 
@@ -329,7 +336,7 @@ def test_axes_that_a_word_takes_ride_with_it() -> None:
         "X100.000 Y0.000 Z10.000 A0.000 C0.000 U0.000 V0.000 Q0.000 D0.000 E5.000 M29",
         "G1 X101.000 D3.000 F120.000 M29",
         "M29 Q4.000 E-5.000",
-        "G4 P0.500",
+        "G4 P0.500000",
         "X102.000 F120.000",
     ]
 

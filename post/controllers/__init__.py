@@ -106,7 +106,7 @@ class Codes(_Table):
         counterclockwise: circular interpolation, the other way round.
         dwell: a pause.
         dwell_address: address of the pause in seconds.
-        dwell_decimals: digits after its point.
+        dwell_decimals: digits after its point; half a millisecond is an eighth of a millimetre of tape.
         absolute: positions from now on.
         incremental: increments from now on.
         per_minute: the feed word is a path speed per minute.
@@ -123,7 +123,7 @@ class Codes(_Table):
     counterclockwise: GCode
     dwell: GCode
     dwell_address: Letter
-    dwell_decimals: Annotated[int, Field(ge=1, le=6)] = 3
+    dwell_decimals: Annotated[int, Field(ge=1, le=6)] = 6
     absolute: GCode
     incremental: GCode
     per_minute: GCode
