@@ -11,8 +11,7 @@ import hashlib
 import json
 import math
 import re
-import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -20,6 +19,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic.fields import FieldInfo
 
 from tapelayer.errors import Fault, SetupRefused
+from tapelayer.toml import read_toml
 
 MM = 1e-3
 DEG = math.pi / 180.0
@@ -196,16 +196,8 @@ class Output(Section):
     )
 
 
-class Setup(Section):
-    """Everything that a tape-laying job needs beside its courses."""
-
-    part: Annotated[Part, Field(description="where the part lies in the machine")] = Part()
-    machine: Annotated[Machine, Field(description="the machine, where it differs from its URDF")] = Machine()
-    tape: Annotated[Tape, Field(description="the material")] = Tape()
-    head: Annotated[Head, Field(description="the tape head")] = Head()
-    process: Annotated[Process, Field(description="how the job is run")] = Process()
-    verification: Annotated[Verification, Field(description="what a program must keep")] = Verification()
-    output: Annotated[Output, Field(description="what comes out")] = Output()
+class JobSetup(Section):
+    """The setup of a job: a table of values for each thing it speaks of."""
 
     def with_values(self, section: str, **values: object) -> Self:
         """Return a setup with some values of one section replaced, validated again.
@@ -217,15 +209,36 @@ class Setup(Section):
         table[section] = table.get(section, {}) | values
         return parse_table(type(self), table, "setup")
 
+    def digest(self, files: Mapping[tuple[str, str], bytes]) -> str:
+        """SHA-256 of the effective values, hexadecimal.
+
+        Args:
+            files: bytes of the files that values name, by section and key: they enter by content, not by path.
+        """
+        values = self.model_dump()
+        for (section, key), data in files.items():
+            values[section][key] = hashlib.sha256(data).hexdigest()
+        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
+class Setup(JobSetup):
+    """Everything that a tape-laying job needs beside its courses."""
+
+    part: Annotated[Part, Field(description="where the part lies in the machine")] = Part()
+    machine: Annotated[Machine, Field(description="the machine, where it differs from its URDF")] = Machine()
+    tape: Annotated[Tape, Field(description="the material")] = Tape()
+    head: Annotated[Head, Field(description="the tape head")] = Head()
+    process: Annotated[Process, Field(description="how the job is run")] = Process()
+    verification: Annotated[Verification, Field(description="what a program must keep")] = Verification()
+    output: Annotated[Output, Field(description="what comes out")] = Output()
+
     def sha256(self, urdf: bytes) -> str:
         """SHA-256 of the effective values, hexadecimal; the URDF enters by its content, not by its path.
 
         Args:
             urdf: the bytes of the URDF in use.
         """
-        values = self.model_dump()
-        values["machine"]["urdf"] = hashlib.sha256(urdf).hexdigest()
-        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+        return self.digest({("machine", "urdf"): urdf})
 
 
 def read_setup(path: Path | str, model: type[SetupModel]) -> SetupModel:
@@ -248,16 +261,7 @@ def parse_setup(data: bytes, name: str, model: type[SetupModel]) -> SetupModel:
     Raises:
         SetupRefused: as `read_setup`.
     """
-    try:
-        text = data.decode("utf-8-sig")
-        table = tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        raise SetupRefused(name, [Fault(0, f"byte {error.start} is not UTF-8; save the file as UTF-8")]) from None
-    except tomllib.TOMLDecodeError as error:
-        message = str(error)
-        place = re.search(r"\(at line (\d+), column (\d+)\)", message)
-        line, column = (int(place[1]), int(place[2])) if place else (0, 0)
-        raise SetupRefused(name, [Fault(line, f"not TOML: {message.split(' (at ')[0].lower()}", column)]) from None
+    table, text = read_toml(data, name, SetupRefused)
     machine = table.get("machine")
     if isinstance(machine, dict) and isinstance(machine.get("urdf"), str):
         machine["urdf"] = str(Path(name).parent / machine["urdf"])

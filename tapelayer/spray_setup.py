@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from tapelayer.setup import DEG, MM, Machine, NotNegative, Number, Positive, Section, parse_table
+from tapelayer.setup import DEG, MM, JobSetup, Machine, NotNegative, Number, Positive, Section
 
 STANDOFF_MM = 150.0
 ARC_KEYS = ("voltage_v", "air_pressure_mpa", "wire_feed_m_per_min")
@@ -17,13 +15,15 @@ PLATING_KEYS = ("relative_speed_mm_per_s", "flow_l_per_min")
 
 
 def _number_or_auto(value: object) -> object:
-    if value != "auto" and not (type(value) in (int, float) and math.isfinite(value)):  # type: ignore[arg-type]
+    number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if value != "auto" and not number:
         raise ValueError(f"expected a finite number or 'auto', got {value!r}")
     return value
 
 
 def _positive_or_auto(value: object) -> object:
-    if _number_or_auto(value) != "auto" and not value > 0:  # type: ignore[operator]
+    _number_or_auto(value)
+    if isinstance(value, int | float) and not value > 0:
         raise ValueError(f"expected a number above 0 or 'auto', got {value!r}")
     return value
 
@@ -182,7 +182,7 @@ class Output(Section):
     )
 
 
-class SpraySetup(Section):
+class SpraySetup(JobSetup):
     """Everything that a spraying job needs beside its model."""
 
     part: Annotated[Part, Field(description="where the part lies in the machine")] = Part()
@@ -232,16 +232,6 @@ class SpraySetup(Section):
         """Greatest angle of the gun off the surface's normal, radians."""
         return self.spray.max_deviation_deg * DEG
 
-    def with_values(self, section: str, **values: object) -> Self:
-        """Return a setup with some values of one section replaced, validated again.
-
-        Raises:
-            SetupRefused: a value does not fit.
-        """
-        table = self.model_dump(exclude_unset=True)
-        table[section] = table.get(section, {}) | values
-        return parse_table(type(self), table, "setup")
-
     def sha256(self, urdf: bytes, profile: bytes) -> str:
         """SHA-256 of the effective values, hexadecimal; files enter by their content, not by their path.
 
@@ -249,7 +239,4 @@ class SpraySetup(Section):
             urdf: the bytes of the URDF in use.
             profile: the bytes of the footprint's profile; none where there is none.
         """
-        values = self.model_dump()
-        values["machine"]["urdf"] = hashlib.sha256(urdf).hexdigest()
-        values["footprint"]["profile"] = hashlib.sha256(profile).hexdigest()
-        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+        return self.digest({("machine", "urdf"): urdf, ("footprint", "profile"): profile})
