@@ -90,7 +90,7 @@ def test_unknown_names_and_paths_are_refused(tmp_path: Path) -> None:
 
 def test_what_is_not_toml_is_refused_with_its_place() -> None:
     assert refused("title = \n") == "folder/mine.toml:1:9: not TOML: invalid value"
-    with pytest.raises(ControllerRefused, match=r"^mine.toml: byte 9 is not UTF-8; save it as UTF-8$"):
+    with pytest.raises(ControllerRefused, match=r"^mine.toml: byte 9 is not UTF-8; save the file as UTF-8$"):
         parse(b'title = "\xff"', "mine.toml")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import math
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from importlib import resources
 from pathlib import Path
@@ -15,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pydantic_core import ErrorDetails
 
 from tapelayer.errors import ControllerRefused, Fault
+from tapelayer.toml import read_toml
 from tapelayer.trajectory import Event
 
 Joint = Annotated[str, Field(min_length=1)]
@@ -368,16 +368,7 @@ def parse(data: bytes, path: str) -> Controller:
     Raises:
         ControllerRefused: not TOML, unknown keys (with the nearest known one), or values that cannot be; all at once.
     """
-    try:
-        text = data.decode("utf-8-sig")
-        table = tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        raise ControllerRefused(path, [Fault(0, f"byte {error.start} is not UTF-8; save it as UTF-8")]) from None
-    except tomllib.TOMLDecodeError as error:
-        place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
-        line, column = (int(place[1]), int(place[2])) if place else (0, 0)
-        sentence = f"not TOML: {str(error).split(' (at ')[0].lower()}"
-        raise ControllerRefused(path, [Fault(line, sentence, column)]) from None
+    table, text = read_toml(data, path, ControllerRefused)
     if "name" in table:
         raise ControllerRefused(path, [Fault(_line(text, ("name",)), "unknown key name; the file's name is the name")])
     try:

@@ -1,0 +1,34 @@
+"""TOML as anybody may write it: a table or one sentence, in bounded time and memory."""
+
+from __future__ import annotations
+
+import pytest
+
+from tapelayer.errors import SetupRefused
+from tapelayer.toml import read_toml
+
+
+def test_a_byte_order_mark_is_none_of_the_text() -> None:
+    assert read_toml(b"\xef\xbb\xbf[part]\nl1_mm = 1\n", "s", SetupRefused) == (
+        {"part": {"l1_mm": 1}},
+        "[part]\nl1_mm = 1\n",
+    )
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"[part\n", "s:1:6: not TOML: expected ']' at the end of a table declaration"),
+        (b"# \xff", "s: byte 2 is not UTF-8; save the file as UTF-8"),
+        (b"[part]\nl1_mm = " + b"[\n" * 5000, "s: tables or arrays are nested too deeply to be read"),
+        # As a key of many dots: 80 GB in the standard library's parser.
+        (b"\n" + b"a." * 100000 + b"b = 1", "s:2: the line has 200005 characters, expected at most 1000; break it"),
+        # As a number of many digits: no error of TOML in the standard library's parser.
+        (b"x = " + b"1" * 5000, "s:1: the line has 5004 characters, expected at most 1000; break it"),
+        (b"#\n" * (1 << 17) + b"#", "s: has 262145 bytes, expected at most 262144; is it the right file?"),
+    ],
+)
+def test_a_fault_is_one_sentence(data: bytes, message: str) -> None:
+    with pytest.raises(SetupRefused) as refused:
+        read_toml(data, "s", SetupRefused)
+    assert str(refused.value) == message
