@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -73,3 +75,20 @@ def test_imports_stand_at_the_top(path: Path) -> None:
         if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
             inner = [node for node in ast.walk(function) if isinstance(node, ast.Import | ast.ImportFrom)]
             assert not inner, f"{path.name}:{inner[0].lineno}"
+
+
+def test_importing_the_package_imports_nothing_heavy() -> None:
+    """Whoever wants one export, or a command that needs none, does not wait for Pinocchio and SciPy."""
+    code = (
+        "import sys, tapelayer, tapelayer.errors\n"
+        "assert not {'numpy', 'pinocchio', 'scipy'} & set(sys.modules), sorted(sys.modules)\n"
+        "assert dir(tapelayer) == tapelayer.__all__\n"
+        "assert all(getattr(tapelayer, name).__name__ == name for name in tapelayer.__all__)\n"
+        "assert 'pinocchio' in sys.modules\n"
+        "try:\n"
+        "    tapelayer.no_such_export\n"
+        "except AttributeError as error:\n"
+        "    sys.exit(str(error))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.stderr == "module 'tapelayer' has no attribute 'no_such_export'\n"
