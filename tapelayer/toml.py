@@ -1,9 +1,11 @@
-"""TOML: tables from bytes that anybody may have written, or the fault that they have."""
+"""TOML: tables from bytes that anybody may have written, or the fault that they have; and tables as text."""
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from tapelayer.errors import Fault, InputRefused
@@ -43,3 +45,36 @@ def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict
         raise refused(name, [Fault(at[0], f"not TOML: {message.split(' (at ')[0].lower()}", at[1])]) from None
     except RecursionError:
         raise refused(name, [Fault(0, "tables or arrays are nested too deeply to be read")]) from None
+
+
+def toml_text(tables: Mapping[str, Mapping[str, Any]]) -> str:
+    """Tables of keys and values as TOML that is read back as the same; tables within them become dotted keys.
+
+    Args:
+        tables: of strings, numbers, booleans, lists of them, and tables by string.
+    """
+    blocks = ["".join([f"[{_key(name)}]\n", *_lines(table, "")]) for name, table in tables.items()]
+    return "\n".join(blocks)
+
+
+def _lines(table: Mapping[str, Any], prefix: str) -> Iterator[str]:
+    for key, value in table.items():
+        if isinstance(value, Mapping) and value:
+            yield from _lines(value, f"{prefix}{_key(key)}.")
+        else:
+            yield f"{prefix}{_key(key)} = {_value(value)}\n"
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        # JSON's escapes are TOML's, but for the one control character that JSON takes as it is.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return "{}" if isinstance(value, Mapping) else repr(value)

@@ -3,9 +3,27 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tapelayer.errors import SetupRefused
-from tapelayer.toml import read_toml
+from tapelayer.toml import read_toml, toml_text
+
+TEXTS = st.text(st.characters(codec="utf-8"), max_size=20)
+NUMBERS = st.booleans() | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False)
+VALUES = NUMBERS | TEXTS | st.lists(NUMBERS | TEXTS, max_size=4)
+TABLES = st.dictionaries(TEXTS, VALUES | st.dictionaries(TEXTS, VALUES, max_size=3), max_size=4)
+
+
+@given(st.dictionaries(TEXTS, TABLES, max_size=4))
+def test_what_is_written_is_read_back_as_the_same(tables: dict[str, dict[str, object]]) -> None:
+    again, _ = read_toml(toml_text(tables).encode(), "s", SetupRefused)
+    assert repr(again) == repr(tables)
+
+
+def test_what_is_written_can_be_read_by_people() -> None:
+    text = toml_text({"machine": {"limits_mm": {"x": [0.0, 2500.0]}, "urdf": "a.urdf"}, "part": {"l1_mm": 1}})
+    assert text == '[machine]\nlimits_mm.x = [0.0, 2500.0]\nurdf = "a.urdf"\n\n[part]\nl1_mm = 1\n'
 
 
 def test_a_byte_order_mark_is_none_of_the_text() -> None:
