@@ -1,0 +1,428 @@
+"""Access: who may ask what, before any route sees a request, and what a browser may do with the answers."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import hmac
+import ipaddress
+import logging
+import re
+import secrets
+import time
+from collections import OrderedDict
+from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.responses import JSONResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocketClose
+
+from tapelayer.workbench.problems import MEDIA_TYPE, Problem
+
+LOG = logging.getLogger(__name__)
+
+API = "/api/"
+SESSION = "/api/v1/session"
+PROBLEMS = "/problems/"
+DOCS = "/docs"
+LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
+
+OWNER_COOKIE = "tapelayer_owner"
+OWNER_HEADER = "X-Owner-Key"
+OWNER_KEY = re.compile(r"[0-9a-f]{32}")
+# Browsers keep no cookie for longer.
+OWNER_SECONDS = 400 * 24 * 3600
+SESSION_COOKIE = "tapelayer_session"
+SESSION_SECONDS = 12 * 3600
+
+SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
+MAX_JSON_BYTES = 32 * 2**20
+MAX_JSON_DEPTH = 64
+# A string of JSON, also one without an end; it is never looked at twice, whatever is sent.
+JSON_STRING = re.compile(rb'"[^"\\]*+(?:\\.[^"\\]*+)*+"?', re.DOTALL)
+NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
+# A client that is not listened to does not hear why it was refused: so much more is taken in, and thrown away.
+DRAIN_SECONDS = 5.0
+
+TRIES = 10
+TRIES_SECONDS = 60.0
+KNOWN_ADDRESSES = 10_000
+
+COMMON = {
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+NOWHERE = "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
+PAGE_POLICY = f"default-src 'self'; img-src 'self' data: blob:; {NOWHERE}"
+# Swagger's page sets style attributes and has its pictures inline.
+DOCS_POLICY = f"default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; {NOWHERE}"
+DATA_POLICY = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+# A report is made from what a user sent: it is shown, and can do nothing.
+REPORT_POLICY = f"sandbox; {DATA_POLICY}; style-src 'unsafe-inline'"
+
+
+@dataclass(frozen=True)
+class Access:
+    """What is let in.
+
+    Attributes:
+        hosts: names that the server goes by, in lower case and without a port, besides its own address.
+        open_paths: what is answered without a token.
+        secure: whether it is reached by TLS only.
+        max_upload: bytes of a request with files.
+    """
+
+    hosts: frozenset[str]
+    open_paths: frozenset[str]
+    secure: bool
+    max_upload: int
+
+
+class Gate:
+    """The token and the sessions made with it, with no memory but that of wrong tokens.
+
+    Args:
+        token: what clients have to know; None lets everybody in.
+    """
+
+    def __init__(self, token: str | None) -> None:
+        self._token = token
+        self._key = hashlib.sha256(f"tapelayer session\0{token}".encode()).digest()
+        self._wrong: OrderedDict[str, tuple[int, float]] = OrderedDict()
+
+    @property
+    def closed(self) -> bool:
+        """Whether a token is required."""
+        return self._token is not None
+
+    def check(self, token: str, address: str) -> None:
+        """Compare a token in constant time.
+
+        Args:
+            token: as sent.
+            address: of the client.
+
+        Raises:
+            Problem: wrong-token; too-many-attempts from this address, whether this one is right or not.
+        """
+        if self._token is None:
+            return
+        count, since = self._wrong.get(address, (0, 0.0))
+        left = since + TRIES_SECONDS - time.monotonic()
+        if left <= 0:
+            count, since = 0, time.monotonic()
+        if count >= TRIES:
+            detail = f"{TRIES} wrong tokens came from {address}: try again in {left:.0f} s"
+            raise Problem("too-many-attempts", detail, {"Retry-After": str(int(left) + 1)})
+        if hmac.compare_digest(token.encode(), self._token.encode()):
+            self._wrong.pop(address, None)
+            return
+        self._wrong[address] = (count + 1, since)
+        while len(self._wrong) > KNOWN_ADDRESSES:
+            self._wrong.popitem(last=False)
+        raise Problem("wrong-token", "the token is not this server's", {"WWW-Authenticate": "Bearer"})
+
+    def session(self) -> str:
+        """A new session: nonce, expiry, and the token's proof of both."""
+        claim = f"{secrets.token_hex(16)}.{int(time.time()) + SESSION_SECONDS}"
+        return f"{claim}.{self._proof(claim)}"
+
+    def holds(self, session: str) -> bool:
+        """Whether a session was made here with the token in force, and has not expired."""
+        claim, _, proof = session.rpartition(".")
+        if not hmac.compare_digest(proof.encode(), self._proof(claim).encode()):
+            return False
+        return int(claim.partition(".")[2]) > time.time()
+
+    def _proof(self, claim: str) -> str:
+        return hmac.new(self._key, claim.encode(), hashlib.sha256).hexdigest()
+
+
+class Guard:
+    """Middleware that answers what is not let in, and adds to every answer what a browser must keep to.
+
+    It leaves in the scope's state: `owner` (the hash of the owner's key), `owner_key` (where it is new) and
+    `signed_in`.
+
+    Args:
+        app: what is guarded.
+        access: what is let in.
+        gate: the token.
+    """
+
+    def __init__(self, app: ASGIApp, access: Access, gate: Gate) -> None:
+        self.app, self.access, self.gate = app, access, gate
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let one connection in, or answer it."""
+        if scope["type"] == "websocket":
+            await WebSocketClose()(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        scope = {**scope, "state": {**scope.get("state", {})}}
+        answer = _Answer(send, _headers_of(scope["path"]), scope["method"] == "HEAD")
+        try:
+            self._let_in(scope, answer)
+            # Whoever asks for the head of an answer asks for that answer without its body.
+            if answer.head_only:
+                await self.app({**scope, "method": "GET"}, answer.receive, answer.send)
+            else:
+                await self.app(scope, await self._bounded(scope, receive), answer.send)
+        except Problem as problem:
+            if answer.begun.is_set():
+                raise
+            await problem_response(problem)(scope, receive, answer.send)
+        except Exception:
+            reference = secrets.token_hex(4)
+            LOG.exception("reference %s: %s %s", reference, scope["method"], scope["path"])
+            if answer.begun.is_set():
+                raise
+            detail = f"something went wrong in the server; its log has the rest under the reference {reference}"
+            await problem_response(Problem("internal", detail, reference=reference))(scope, receive, answer.send)
+
+    def _let_in(self, scope: Scope, answer: _Answer) -> None:
+        """Check who asks.
+
+        Raises:
+            Problem: not let in.
+        """
+        headers = Headers(scope=scope)
+        _check_host(headers, scope, self.access.hosts)
+        if scope["method"] not in SAFE_METHODS:
+            _check_origin(headers)
+        cookies = HTTPConnection(scope).cookies
+        signed_in = self._signed_in(headers, cookies, scope)
+        scope["state"]["signed_in"] = signed_in
+        path = scope["path"]
+        if not signed_in and path not in self.access.open_paths and not path.startswith(PROBLEMS):
+            detail = "this server wants its token: send Authorization: Bearer TOKEN, or sign in on the page"
+            raise Problem("token-required", detail, {"WWW-Authenticate": "Bearer"})
+        key, new = _owner_key(headers, cookies)
+        scope["state"]["owner"] = hashlib.sha256(key.encode()).hexdigest()
+        if new:
+            scope["state"]["owner_key"] = key
+        # The page asks for its session first. A page that is opened by another site's link comes without its strict
+        # cookies: a new one given with the page itself would take the place of the old one.
+        if new and path == SESSION:
+            answer.cookie = cookie(OWNER_COOKIE, key, OWNER_SECONDS, self.access.secure)
+
+    def _signed_in(self, headers: Headers, cookies: Mapping[str, str], scope: Scope) -> bool:
+        if not self.gate.closed:
+            return True
+        scheme, _, token = headers.get("authorization", "").partition(" ")
+        if scheme.lower() == "bearer":
+            self.gate.check(token.strip(), client_address(scope))
+            return True
+        return self.gate.holds(cookies.get(SESSION_COOKIE, ""))
+
+    async def _bounded(self, scope: Scope, receive: Receive) -> Receive:
+        """The request's body with its limits.
+
+        Raises:
+            Problem: it is too large, or its JSON is too deep.
+        """
+        headers = Headers(scope=scope)
+        media_type = headers.get("content-type", "").partition(";")[0].strip().lower()
+        limit = self.access.max_upload if media_type == "multipart/form-data" else MAX_JSON_BYTES
+        # Such a client waits for a word before it sends anything.
+        waits = headers.get("expect", "").lower() == "100-continue"
+        length = headers.get("content-length", "")
+        if length.isdecimal() and int(length) > limit:
+            if not waits:
+                await _drain(receive, limit)
+            raise _too_large(limit)
+        bounded = _counted(receive, limit)
+        if media_type != "application/json" and not media_type.endswith("+json"):
+            return bounded
+        body = b"".join([chunk async for chunk in _chunks(bounded)])
+        if json_depth(body) > MAX_JSON_DEPTH:
+            raise Problem("invalid-request", f"the JSON is more than {MAX_JSON_DEPTH} levels deep")
+        return _again(body, receive)
+
+
+class _Answer:
+    """The way out of an answer: its headers are added, and a body that nobody asked for is held back.
+
+    Args:
+        send: to the client.
+        headers: for every answer that does not have them.
+        head_only: send no body.
+    """
+
+    def __init__(self, send: Send, headers: Mapping[str, str], head_only: bool) -> None:
+        self._send, self._headers = send, headers
+        self.head_only = head_only
+        self.begun = asyncio.Event()
+        self.cookie = ""
+        self._asked = False
+
+    async def send(self, message: Message) -> None:
+        """Send a message of the answer."""
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            for name, value in self._headers.items():
+                headers.setdefault(name, value)
+            if self.cookie:
+                headers.append("Set-Cookie", self.cookie)
+            await self._send(message)
+            if self.head_only:
+                await self._send({"type": "http.response.body", "body": b"", "more_body": False})
+            self.begun.set()
+        elif not self.head_only:
+            await self._send(message)
+
+    async def receive(self) -> Message:
+        """A request without a body, from a client that goes away as soon as it has the headers."""
+        if not self._asked:
+            self._asked = True
+            return {"type": "http.request", "body": b"", "more_body": False}
+        await self.begun.wait()
+        return {"type": "http.disconnect"}
+
+
+def problem_response(problem: Problem) -> Response:
+    """The answer that tells a problem."""
+    return JSONResponse(problem.body(), problem.status, problem.headers, media_type=MEDIA_TYPE)
+
+
+def cookie(name: str, value: str, seconds: int, secure: bool) -> str:
+    """A cookie that scripts cannot read and other sites cannot use; 0 seconds take it away."""
+    return f"{name}={value}; Max-Age={seconds}; Path=/; HttpOnly; SameSite=Strict" + ("; Secure" if secure else "")
+
+
+def client_address(scope: Scope) -> str:
+    """Address of the client, as tries are counted by it."""
+    client = scope.get("client")
+    return str(client[0]) if client else "a local socket"
+
+
+def json_depth(body: bytes) -> int:
+    """Deepest nesting of a JSON text; of what is no JSON, at least how deep a reader would get into it."""
+    brackets = np.frombuffer(JSON_STRING.sub(b"", body).translate(None, NO_BRACKETS), dtype=np.uint8)
+    # Of [ ] { } only the opening ones have this bit.
+    steps = (brackets & 2).astype(np.int8) - np.int8(1)
+    return int(np.max(np.cumsum(steps, dtype=np.int32), initial=0))
+
+
+def host_name(host: str) -> str:
+    """Name in a Host header or in an origin, in lower case, without port and brackets; empty where it is none."""
+    try:
+        return (urlsplit(f"//{host}").hostname or "").removesuffix(".")
+    except ValueError:
+        return ""
+
+
+def _headers_of(path: str) -> dict[str, str]:
+    """What a browser has to keep to with an address's answer."""
+    if path == DOCS:
+        return {**COMMON, "Content-Security-Policy": DOCS_POLICY, "Cache-Control": "no-cache"}
+    if not path.startswith(API):
+        return {**COMMON, "Content-Security-Policy": PAGE_POLICY, "Cache-Control": "no-cache"}
+    policy = REPORT_POLICY if path.endswith("/report.html") else DATA_POLICY
+    return {**COMMON, "Content-Security-Policy": policy, "Cache-Control": "no-store"}
+
+
+def _check_host(headers: Headers, scope: Scope, hosts: frozenset[str]) -> None:
+    """Refuse a name that somebody else may have made point here (DNS rebinding)."""
+    host = headers.get("host", "")
+    name = host_name(host)
+    if name in hosts or name == _own_address(scope):
+        return
+    raise Problem("host-not-allowed", f"this server does not go by {host[:100]!r}; --allow-host adds a name to it")
+
+
+def _own_address(scope: Scope) -> str | None:
+    """Address that the client reached; no name can stand there."""
+    server = scope.get("server")
+    try:
+        return str(ipaddress.ip_address(server[0])) if server else None
+    except ValueError:
+        return None
+
+
+def _check_origin(headers: Headers) -> None:
+    """Refuse what another site's page asks for; programs other than browsers state no origin."""
+    site = headers.get("sec-fetch-site", "none")
+    if site not in ("none", "same-origin"):
+        raise Problem("foreign-origin", f"a page of another site asked for this (Sec-Fetch-Site: {site[:100]})")
+    origin = headers.get("origin")
+    if origin is None:
+        return
+    scheme, _, place = origin.partition("://")
+    if scheme not in ("http", "https") or place.lower() != headers.get("host", "").lower():
+        raise Problem("foreign-origin", f"a page of {origin[:100]} asked for this; only this server's own page may")
+
+
+def _owner_key(headers: Headers, cookies: Mapping[str, str]) -> tuple[str, bool]:
+    """The owner's key, and whether it is new.
+
+    Raises:
+        Problem: the header is not a key.
+    """
+    sent = headers.get(OWNER_HEADER)
+    if sent is not None and not OWNER_KEY.fullmatch(sent):
+        raise Problem("invalid-request", f"{OWNER_HEADER} has to be the owner_key of an earlier answer, 32 hex digits")
+    key = sent or cookies.get(OWNER_COOKIE, "")
+    return (key, False) if OWNER_KEY.fullmatch(key) else (secrets.token_hex(16), True)
+
+
+def _too_large(limit: int) -> Problem:
+    return Problem("upload-too-large", f"the request has more than {limit / 1e6:g} MB, the limit", limit_bytes=limit)
+
+
+def _counted(receive: Receive, limit: int) -> Receive:
+    """The body, refused as soon as it has more bytes than its limit."""
+    count = 0
+
+    async def counted() -> Message:
+        nonlocal count
+        message = await receive()
+        count += len(message.get("body", b""))
+        if count > limit:
+            if message.get("more_body", False):
+                await _drain(receive, limit)
+            raise _too_large(limit)
+        return message
+
+    return counted
+
+
+async def _drain(receive: Receive, limit: int) -> None:
+    """Take in what a client still sends, up to as much again and for a while."""
+    try:
+        async with asyncio.timeout(DRAIN_SECONDS):
+            async for chunk in _chunks(receive):
+                limit -= len(chunk)
+                if limit < 0:
+                    return
+    except TimeoutError:
+        return
+
+
+async def _chunks(receive: Receive) -> AsyncIterator[bytes]:
+    """What is left of a body."""
+    more = True
+    while more:
+        message = await receive()
+        yield message.get("body", b"")
+        more = message.get("more_body", False)
+
+
+def _again(body: bytes, receive: Receive) -> Receive:
+    """A body that was read already, then whatever comes after it."""
+    messages: list[dict[str, Any]] = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def again() -> Message:
+        return messages.pop() if messages else await receive()
+
+    return again
