@@ -53,7 +53,8 @@ _COURSE_NUMBER = re.compile(rb"(?=0*[1-9])[0-9]{1,9}")
 _HEAD = re.compile(
     rb"[ \t\n]*([0-9]{1,9})[ \t]*\n[ \t\n]*start[ \t]*\n[ \t\n]*([-+.0-9e]+)(?:[ \t]+([-+.0-9e]+))?[ \t]*\n"
 )
-_TAIL = re.compile(rb"[ \t]*(?:\n|\Z)")
+_TAIL = re.compile(rb"end[ \t]*(?:\n|\Z)")
+_CAPITALS = (b"S", b"T", b"A", b"R", b"E", b"N", b"D")
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,7 +271,9 @@ def _quick(text: bytes) -> _Table:
     Raises:
         _NeedsCare: the file has a fault, or something that only the careful way can judge.
     """
-    text = text.lower()
+    # A letter is looked for sooner than a text is copied, or a word found in it.
+    if any(letter in text for letter in _CAPITALS):
+        text = text.lower()
     numbers: list[int] = []
     cut_angles: list[tuple[float, float]] = []
     counts: list[Ints] = []
@@ -278,10 +281,10 @@ def _quick(text: bytes) -> _Table:
     batch: list[bytes] = []
     size = at = 0
     while head := _HEAD.match(text, at):
-        end = text.find(b"end", head.end())
-        tail = _TAIL.match(text, end + 3)
+        end = text.find(b"d", head.end()) - 2
+        tail = _TAIL.match(text, max(end, 0))
         start_angle, end_angle = _cut_angle(head[2]), _cut_angle(head[3] or head[2])
-        if end < 0 or tail is None or head.end() - at > LONGEST_LINE or math.isnan(start_angle + end_angle):
+        if tail is None or head.end() - at > LONGEST_LINE or math.isnan(start_angle + end_angle):
             raise _NeedsCare
         numbers.append(int(head[1]))
         cut_angles.append((start_angle, end_angle))
@@ -319,8 +322,9 @@ def _add_batch(bodies: Sequence[bytes], counts: list[Ints], rows: list[Floats]) 
     before[:1], before[1:] = -1, blanks[:-1]
     words = blanks - before > 1
     starts, stops = before[words] + 1, blanks[words]
-    lines = np.flatnonzero(characters == ord("\n"))
-    columns = np.diff(np.searchsorted(stops, lines, side="right"), prepend=0)
+    line_ends = characters[blanks] == ord("\n")
+    lines = blanks[line_ends]
+    columns = np.diff(np.cumsum(words)[line_ends], prepend=0)
     borders = np.cumsum([len(body) for body in bodies])
     closed = all(body.rstrip(b" \t")[-1:] in (b"", b"\n") for body in bodies)
     if (
@@ -331,10 +335,10 @@ def _add_batch(bodies: Sequence[bytes], counts: list[Ints], rows: list[Floats]) 
     ):
         raise _NeedsCare
     counts.append(np.diff(np.searchsorted(stops, borders), prepend=0) // 7)
-    rows.append(_values(text, characters, starts, stops).reshape(-1, 7))
+    rows.append(_values(text, starts, stops).reshape(-1, 7))
 
 
-def _values(text: bytes, characters: NDArray[np.uint8], starts: Ints, stops: Ints) -> Floats:
+def _values(text: bytes, starts: Ints, stops: Ints) -> Floats:
     """Numbers (k,) of the words of a text from `starts` to before `stops` (k,).
 
     Words of up to 22 characters without exponent, nearly all, go the quick way.
@@ -342,11 +346,12 @@ def _values(text: bytes, characters: NDArray[np.uint8], starts: Ints, stops: Int
     Raises:
         _NeedsCare: a word is no number.
     """
+    characters = np.frombuffer(text, np.uint8)
     long = stops - starts > _SHORT
     if b"e" in text:
         long[np.searchsorted(stops, np.flatnonzero(characters == ord("e")), side="right")] = True
     if not np.any(long):
-        return _short_values(characters, starts, stops)
+        return _short_values(text, starts, stops)
     lengths = stops[long] + 1 - starts[long]  # with the blank behind, which keeps the words apart
     ends = np.cumsum(lengths)
     inside = np.arange(ends[-1]) + np.repeat(starts[long] - (ends - lengths), lengths)
@@ -354,11 +359,11 @@ def _values(text: bytes, characters: NDArray[np.uint8], starts: Ints, stops: Int
     values[long] = _scan(characters[inside].tobytes(), np.float64, len(lengths))
     others = characters.copy()
     others[inside] = ord(" ")
-    values[~long] = _short_values(others, starts[~long], stops[~long])
+    values[~long] = _short_values(others.tobytes(), starts[~long], stops[~long])
     return values
 
 
-def _short_values(characters: NDArray[np.uint8], starts: Ints, stops: Ints) -> Floats:
+def _short_values(text: bytes, starts: Ints, stops: Ints) -> Floats:
     """Numbers (k,) of words of up to 22 characters without exponent: integers over powers of ten.
 
     Where a double holds the integer exactly, one division rounds as a careful reading of the text does (Clinger 1990,
@@ -367,6 +372,7 @@ def _short_values(characters: NDArray[np.uint8], starts: Ints, stops: Ints) -> F
     Raises:
         _NeedsCare: a word is no number.
     """
+    characters = np.frombuffer(text, np.uint8)
     points = np.flatnonzero(characters == ord("."))
     owners: Ints | slice = slice(None)
     if len(points) != len(starts) or np.any((points < starts) | (points >= stops)):
@@ -379,7 +385,6 @@ def _short_values(characters: NDArray[np.uint8], starts: Ints, stops: Ints) -> F
         raise _NeedsCare
     scales = np.ones(len(starts))
     scales[owners] = _POWERS_OF_TEN[stops[owners] - points - 1]
-    text = characters.tobytes()
     integers = _scan(text.translate(None, b"."), np.int64, len(starts))
     values: Floats = integers / scales
     values[(integers == 0) & minus] = -0.0

@@ -246,11 +246,11 @@ def test_numbers_are_those_of_python_or_none(words: list[str]) -> None:
     stops = np.flatnonzero(np.frombuffer(text, np.uint8) == 10)
     starts = np.concatenate([[0], stops[:-1] + 1])
     if all(module._NUMBER.fullmatch(word.encode()) for word in words):
-        values = module._values(text, np.frombuffer(text, np.uint8), starts, stops)
+        values = module._values(text, starts, stops)
         assert values.tobytes() == np.array([float(word) for word in words]).tobytes()
     else:
         with pytest.raises(module._NeedsCare):
-            module._values(text, np.frombuffer(text, np.uint8), starts, stops)
+            module._values(text, starts, stops)
 
 
 @pytest.mark.parametrize("exponent", [0, 1, 2, 3, 4, 5])
@@ -265,7 +265,7 @@ def test_numbers_halfway_between_doubles_round_to_even(exponent: int) -> None:
     text = "".join(word + "\n" for word in words).encode()
     stops = np.flatnonzero(np.frombuffer(text, np.uint8) == 10)
     starts = np.concatenate([[0], stops[:-1] + 1])
-    values = module._values(text, np.frombuffer(text, np.uint8), starts, stops)
+    values = module._values(text, starts, stops)
     assert values.tobytes() == np.array([float(word) for word in words]).tobytes()
 
 
