@@ -180,6 +180,11 @@ export async function exampleFile(name: string): Promise<File> {
   return new File([await (await ask(`/examples/${encodeURIComponent(name)}`)).blob()], name);
 }
 
+/** The file that a job was made from. */
+export async function sourceFile({ id, name }: Job): Promise<File> {
+  return new File([await (await ask(`/jobs/${id}/source`)).blob()], name);
+}
+
 export async function jobs(): Promise<Job[]> {
   return (await askJson<{ jobs: Job[] }>("/jobs")).jobs;
 }

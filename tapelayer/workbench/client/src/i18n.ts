@@ -3,7 +3,8 @@ import zh from "./locales/zh.json";
 import type { Problem, Translate } from "./panels";
 import { remember, remembered } from "./state";
 
-export type Language = "en" | "zh";
+export const LANGUAGES = { en: "English", zh: "中文" };
+export type Language = keyof typeof LANGUAGES;
 
 const TEXTS: Record<Language, Record<string, string>> = { en, zh };
 

@@ -1,0 +1,101 @@
+import { cancelJob, createJob, watchJob, type Request } from "./api";
+import { h } from "./elements";
+import { t } from "./i18n";
+import type { Job } from "./panels";
+
+export interface Running {
+  /** Sends the job and follows it to its end; `accepted` hears of it once the server has it. */
+  run(request: Request, accepted: (job: Job) => void): Promise<Job>;
+  /** Follows a job that is under way. */
+  follow(job: Job): Promise<Job>;
+  /** Stops following; the job itself goes on. */
+  leave(): void;
+  retranslate(): void;
+}
+
+/** Generate, cancel, and how far the job is. */
+export function createRunning(root: HTMLElement, generate: () => void, failed: (error: unknown) => void): Running {
+  let leaving: AbortController | null = null;
+  let running: Job | null = null;
+  let stage = "";
+  let progress = 0;
+
+  const start = h("button", { type: "button", testid: "generate", class: "primary", t: "generate", tTitle: "generate.about", onclick: generate });
+  const stop = h("button", {
+    type: "button",
+    testid: "cancel",
+    t: "cancel",
+    onclick: () => {
+      if (running) cancelJob(running.id).catch(failed);
+      else leaving?.abort();
+    },
+  });
+  const bar = h("progress", { testid: "progress", max: 1, tLabel: "progress" });
+  const word = h("output", { testid: "stage", class: "stage", "aria-live": "polite" });
+  root.append(h("div", { class: "row" }, start, stop), bar, word);
+
+  const draw = (): void => {
+    const busy = leaving !== null;
+    start.disabled = busy;
+    stop.hidden = !busy;
+    bar.hidden = !busy;
+    bar.value = progress;
+    word.textContent = stage && (busy && progress ? `${t(stage)} ${Math.floor(progress * 100)} %` : t(stage));
+    word.dataset["stage"] = stage;
+  };
+
+  const told = (job: Job): void => {
+    running = job;
+    progress = job.progress;
+    stage = job.state === "running" && job.stage ? `stage.${job.stage}` : `state.${job.state}`;
+    draw();
+  };
+
+  const watch = async (find: (signal: AbortSignal) => Promise<Job>, accepted: (job: Job) => void): Promise<Job> => {
+    leaving?.abort();
+    const mine = new AbortController();
+    leaving = mine;
+    stage = "stage.sending";
+    progress = 0;
+    draw();
+    try {
+      const job = await find(mine.signal);
+      told(job);
+      accepted(job);
+      const end = await watchJob(
+        job.id,
+        {
+          onState: told,
+          onProgress: (now, name) => told({ ...running!, state: "running", progress: now, stage: name }),
+        },
+        mine.signal,
+      );
+      stage = `state.${end.state}`;
+      return end;
+    } catch (error) {
+      if (leaving === mine) stage = "";
+      throw error;
+    } finally {
+      // Somebody who left for another job has a controller of his own here by now.
+      if (leaving === mine) {
+        leaving = null;
+        running = null;
+        draw();
+      }
+    }
+  };
+
+  draw();
+  return {
+    run: (request, accepted) => watch((signal) => createJob(request, signal), accepted),
+    follow: (job) => watch(async () => job, () => {}),
+    leave() {
+      leaving?.abort();
+      leaving = null;
+      running = null;
+      stage = "";
+      draw();
+    },
+    retranslate: draw,
+  };
+}
