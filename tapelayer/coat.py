@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tapelayer.arrays import Floats, frozen
+from tapelayer.arrays import Floats, Mask, frozen
 from tapelayer.reach import Reach
 from tapelayer.setup import MM
 from tapelayer.spray_evidence import SpraySamples
@@ -76,6 +76,38 @@ def coat_of(samples: SpraySamples, reach: Reach, setup: SpraySetup) -> Coat:
         mean = float(np.average(amount, weights=surface.areas))
         thickness = amount / mean if mean > 0.0 else amount
     return Coat(surface, spacing, thickness, rate is None, evenness(thickness, surface, inside))
+
+
+def growth(coat: Coat, samples: SpraySamples, setup: SpraySetup, chosen: Mask, moments: int) -> tuple[Floats, Floats]:
+    """Times (k,) in seconds, and the thickness (j, k) then, as `Coat.thickness`, of some samples of the surface.
+
+    The moments lie evenly in the time with the arc on: nothing is there at the first, the whole coat at the last.
+
+    Args:
+        coat: what the program leaves.
+        samples: places and times with the arc on, as for `coat_of`.
+        setup: the job's values.
+        chosen: (m,) the j samples of the coat's surface to be looked at.
+        moments: k, 2 or more.
+    """
+    footprint, surface = footprint_of(setup), coat.surface.only(chosen)
+    spots = _spots(samples, footprint.reach / _SPOTS)
+    spent = np.cumsum(spots.seconds)
+    borders = np.searchsorted(spent, spent[-1] * np.arange(1, moments - 1) / (moments - 1))
+    amounts = np.zeros((len(surface.points), moments))
+    for moment, rows in enumerate(np.split(np.arange(len(spent)), borders), 1):
+        stretch = Spots(spots.points[rows], spots.axes[rows], spots.seconds[rows])
+        amounts[:, moment] = amounts[:, moment - 1] + exposure(footprint, setup.standoff, stretch, surface)
+    final = coat.thickness[chosen]
+    total = float(np.sum(amounts[:, -1]))
+    thickness = amounts * (float(np.sum(final)) / total if total > 0.0 else 0.0)
+    # Sums in another order differ in their last digits.
+    thickness[:, -1] = final
+
+    steps = np.where(np.diff(samples.pieces) == 0, np.diff(samples.times), 0.0)
+    arc_times = np.concatenate([[0.0], np.cumsum(steps)])
+    reached = np.concatenate([[0.0], np.append(0.0, spent)[borders], spent[-1:]])
+    return np.interp(reached, arc_times, samples.times), thickness
 
 
 def _spots(samples: SpraySamples, spacing: float) -> Spots:
