@@ -38,11 +38,19 @@ class TapelayerError(Exception):
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault of a file: the line it stands on (1-based, 0 where no line applies) and a sentence without either."""
+    """One fault of a file.
+
+    Attributes:
+        line: the line it stands on (1-based, 0 where no line applies).
+        sentence: what is wrong, without the place.
+        column: 1-based, 0 where none applies.
+        place: the section, the key and what lies below it, where the file is one of values by section and key.
+    """
 
     line: int
     sentence: str
     column: int = 0
+    place: tuple[str, ...] = ()
 
 
 class InputRefused(TapelayerError):

@@ -280,9 +280,8 @@ def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text:
         faults = []
         for found in error.errors():
             place = tuple(str(part) for part in found["loc"])
-            faults.append(
-                Fault(_line_of(text, place), _sentence(model, place, found["type"], found["msg"], found["input"]))
-            )
+            sentence = _sentence(model, place, found["type"], found["msg"], found["input"])
+            faults.append(Fault(_line_of(text, place), sentence, place=place))
         raise SetupRefused(name, sorted(set(faults), key=lambda fault: fault.line)) from None
 
 

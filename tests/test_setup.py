@@ -138,3 +138,14 @@ def test_values_survive_the_file(l1: float, lag: float, wrap: bool) -> None:
     assert tomllib.loads(text)
     setup = parse_setup(text.encode(), "s", Setup)
     assert (setup.part.l1_mm, setup.head.aux_roller_lag_mm, setup.head.wrap_compensation) == (l1, lag, wrap)
+
+
+def test_faults_know_their_section_and_key() -> None:
+    text = "[tape]\nwidth_mm = -1\nlength = 2\n\n[heads]\n\n[head.delays_ms]\nshoe = -2\n"
+    with pytest.raises(SetupRefused) as caught:
+        parse_setup(text.encode(), "job.toml", Setup)
+    places = {fault.place for fault in caught.value.faults}
+    assert places == {("tape", "width_mm"), ("tape", "length"), ("heads",), ("head", "delays_ms", "shoe")}
+    with pytest.raises(SetupRefused) as caught:
+        parse_setup(b"[tape", "job.toml", Setup)
+    assert caught.value.faults[0].place == ()
