@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,3 +23,28 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Columns of samples that belong together: a table whose fields are arrays with a row a sample."""
+
+    # Shape of a row, and type, of the columns that are not one number a row, for a table without rows.
+    EMPTY: ClassVar[dict[str, NDArray[Any]]] = {}
+
+    def __post_init__(self) -> None:
+        """Freeze the columns."""
+        for field in fields(self):
+            object.__setattr__(self, field.name, frozen(getattr(self, field.name)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """The rows of several tables, one after the other; of none, no rows."""
+        return cls(
+            **{
+                field.name: np.concatenate([getattr(part, field.name) for part in parts])
+                if parts
+                else cls.EMPTY.get(field.name, np.zeros(0))
+                for field in fields(cls)
+            }
+        )

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tapelayer.arrays import Floats
-from tapelayer.evidence import CutMade, Failure, LedgerRow, TapeLedger
+from tapelayer.evidence import CutMade, LedgerRow, TapeLedger
+from tapelayer.findings import Failure
 from tapelayer.machine import Machine
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.trajectory import Event, Kind, Trajectory

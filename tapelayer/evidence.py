@@ -2,76 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tapelayer.arrays import Floats, Ints, Mask, frozen
-
-
-@dataclass(frozen=True)
-class Failure:
-    """One thing that a program must keep and does not.
-
-    Attributes:
-        course: number of the course in its file, 0 where none applies.
-        point: nearest point of the course (from 1), 0 where none applies.
-        what: the quantity, as in the report's keys.
-        value: what was found, in the quantity's unit.
-        limit: what is allowed, in the same unit.
-        line: line of the program (from 1), 0 where it was not read from text.
-    """
-
-    course: int
-    point: int
-    what: str
-    value: float
-    limit: float
-    line: int = 0
-
-    def sentence(self) -> str:
-        """The failure in words."""
-        place = f"line {self.line}: " if self.line else ""
-        place += f"course {self.course} " if self.course else ""
-        place += f"point {self.point} " if self.point else ""
-        return f"{place.rstrip(': ')}: {self.what} is {self.value:.6g}, limit {self.limit:.6g}".lstrip(": ")
-
-
-@dataclass(frozen=True)
-class AxisUse:
-    """How far and how fast an axis goes, in metres and radians.
-
-    Attributes:
-        name: joint name.
-        revolute: True for radians.
-        least: smallest value.
-        greatest: largest value.
-        lower: lower end of travel.
-        upper: upper end of travel.
-        top_speed: highest speed in a feed block.
-        speed_limit: the axis's speed limit.
-    """
-
-    name: str
-    revolute: bool
-    least: float
-    greatest: float
-    lower: float
-    upper: float
-    top_speed: float
-    speed_limit: float
-
-    @property
-    def margin(self) -> float:
-        """Least distance to an end of the travel."""
-        return min(self.least - self.lower, self.upper - self.greatest)
+from tapelayer.arrays import Floats, Ints, Mask, Rows
+from tapelayer.findings import Findings
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(Rows):
     """What was measured along the courses; rows are samples in laying order.
 
     Attributes:
@@ -90,6 +31,8 @@ class Samples:
         block_ends: (n,) True where a block ends, False between.
     """
 
+    EMPTY: ClassVar = {"courses": np.zeros(0, np.int64), "nips": np.zeros((0, 3)), "block_ends": np.zeros(0, np.bool_)}
+
     courses: Ints
     arc_lengths: Floats
     times: Floats
@@ -103,21 +46,6 @@ class Samples:
     wraps: Floats
     offsets: Floats
     block_ends: Mask
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for field in fields(self):
-            object.__setattr__(self, field.name, frozen(getattr(self, field.name)))
-
-    @staticmethod
-    def joined(parts: Sequence[Samples]) -> Samples:
-        """The samples of several courses, one after the other; of none, no samples."""
-        columns: dict[str, NDArray[Any]] = {
-            field.name: np.concatenate([getattr(part, field.name) for part in parts]) if parts else np.zeros(0)
-            for field in fields(Samples)
-        }
-        columns["nips"] = columns["nips"].reshape(-1, 3)
-        return Samples(**columns)
 
     @property
     def position_errors(self) -> Floats:
@@ -204,51 +132,28 @@ class TapeLedger:
         return self.used - sum(row.length for row in self.rows)
 
 
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """Every number that was measured, in metres, radians and seconds.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evidence(Findings):
+    """Every number that was measured on a tape-laying program, in metres, radians and seconds.
 
     Attributes:
         courses: courses in the file.
         points: points in the file.
-        blocks: blocks in the program.
         laid_length: of all courses.
-        duration: of the program.
         tape_taken_back: longest run of the tape backwards between courses.
         least_link_clearance: of the roller above the highest course point, while the head goes from course to course.
-        forward_disagreement: largest difference between Pinocchio itself and the batch evaluator.
-        axes: travel and speed of every axis.
         samples: along the courses, at blocks and between.
         tape_width: metres.
         roller_radius: metres.
         tape: the tape's ledger.
-        failures: what does not hold, worst first within a course; empty where the program passed.
     """
 
     courses: int
     points: int
-    blocks: int
     laid_length: float
-    duration: float
     tape_taken_back: float
     least_link_clearance: float
-    forward_disagreement: float
-    axes: tuple[AxisUse, ...]
     samples: Samples
     tape_width: float
     roller_radius: float
     tape: TapeLedger
-    failures: tuple[Failure, ...]
-
-    @property
-    def passed(self) -> bool:
-        """Whether everything holds."""
-        return not self.failures
-
-    def worst(self, shown: int) -> str:
-        """The first failures in words, a line each, then a count."""
-        lines = [failure.sentence() for failure in self.failures[:shown]]
-        more = len(self.failures) - shown
-        if more > 0:
-            lines.append(f"and {more} more failure{'s' if more > 1 else ''}")
-        return "\n".join(lines)

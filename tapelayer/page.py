@@ -8,10 +8,11 @@ from typing import Any
 from xml.etree.ElementTree import Element, tostring
 
 from tapelayer.drawing import element, px, svg, table
-from tapelayer.evidence import AxisUse, Evidence
+from tapelayer.evidence import Evidence
+from tapelayer.findings import AxisUse
 from tapelayer.plan_view import plan_view
 from tapelayer.plots import axis_plots, course_plots
-from tapelayer.quantities import FACTS, QUANTITIES, absent, axis_failures, limits_of, plain, shown, worded
+from tapelayer.quantities import FACTS, QUANTITIES, absent, limits_of, plain, shown, worded
 from tapelayer.setup import Setup
 from tapelayer.tape_view import tape_view
 from tapelayer.trajectory import Trajectory
@@ -157,7 +158,7 @@ def _axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:
     rows: list[list[Element | str]] = []
     for axis in axes:
         found = report["axes"][axis.name]
-        travel, speed = axis_failures(axis)
+        travel, speed = axis.failures
         rows.append(
             [
                 axis.name,

@@ -10,8 +10,9 @@ import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.drawing import Curve, Panel, element, extent, heading_of, px, range_of, svg
-from tapelayer.evidence import AxisUse, Evidence, Samples
-from tapelayer.quantities import limits_of, unit_of
+from tapelayer.evidence import Evidence, Samples
+from tapelayer.findings import AxisUse
+from tapelayer.quantities import limits_of
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.trajectory import Kind, Trajectory
 
@@ -142,7 +143,7 @@ def axis_plots(axes: Sequence[AxisUse], trajectory: Trajectory) -> list[Element]
         )
     ]
     for axis in axes:
-        scale, unit = unit_of(axis)
+        scale, unit = axis.scale, axis.unit
         column = trajectory.column(axis.name)
         position = Curve(
             "first",

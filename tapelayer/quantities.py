@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from tapelayer.evidence import AxisUse
-from tapelayer.setup import DEG, MM, Setup
+from tapelayer.setup import Setup
 
 # Quantities of the report in the order of the page: key, words, unit, format.
 QUANTITIES = (
@@ -82,14 +81,3 @@ def limits_of(setup: Setup) -> dict[str, tuple[float, bool]]:
     published = setup.process.kinematics == "published"
     free = {"max_roller_tilt_deg", "max_heading_error_deg"} - limits.model_fields_set if published else set()
     return {key: (getattr(limits, key), key not in free) for key in LIMITED}
-
-
-def unit_of(axis: AxisUse) -> tuple[float, str]:
-    """Scale from metres or radians, and name, of the unit in which an axis is written."""
-    return (1 / DEG, "deg") if axis.revolute else (1 / MM, "mm")
-
-
-def axis_failures(axis: AxisUse) -> tuple[str, str]:
-    """How failures of an axis's travel and of its speed are called."""
-    unit = unit_of(axis)[1]
-    return f"axis_{axis.name}_{unit}", f"axis_{axis.name}_speed_{unit}_per_s"

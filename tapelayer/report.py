@@ -12,8 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from tapelayer.arrays import Floats, Ints
-from tapelayer.evidence import AxisUse, CutMade, Evidence, TapeLedger
-from tapelayer.quantities import FACTS, QUANTITIES, absent, axis_failures, plain, shown, unit_of
+from tapelayer.evidence import CutMade, Evidence, TapeLedger
+from tapelayer.findings import AxisUse, number
+from tapelayer.quantities import FACTS, QUANTITIES, absent, plain, shown
 from tapelayer.setup import DEG, MM
 
 # Failures in which a knife is where it must not be, or is not where it must be.
@@ -56,17 +57,7 @@ def numbers(evidence: Evidence, program_sha256: str) -> dict[str, Any]:
         "least_link_clearance_mm": evidence.least_link_clearance / MM,
         "max_forward_disagreement_m": evidence.forward_disagreement,
     }
-    failures = [
-        {
-            "course": failure.course,
-            "point": failure.point,
-            "what": failure.what,
-            "value": _number(failure.value),
-            "limit": _number(failure.limit),
-            **({"line": failure.line} if failure.line else {}),
-        }
-        for failure in evidence.failures
-    ]
+    failures = [failure.values() for failure in evidence.failures]
     told = {failure.what for failure in evidence.failures}
     # A failure's name has no "max" or "least": a value that verification refused already is not refused twice.
     lost = [
@@ -89,11 +80,11 @@ def numbers(evidence: Evidence, program_sha256: str) -> dict[str, Any]:
         "cuts": len(tape.cuts),
         "knife_conflicts": sum(KNIFE_FAILURE.fullmatch(str(failure["what"])) is not None for failure in failures),
         "laying_stops": sum(row.laying_stops for row in tape.rows),
-        **{key: _number(value) for key, value in measured.items()},
+        **{key: number(value) for key, value in measured.items()},
         "time_shares": shares,
         "program_sha256": program_sha256,
         "tape": courses,
-        "axes": {axis.name: _axis(axis) for axis in evidence.axes},
+        "axes": {axis.name: axis.values() for axis in evidence.axes},
         "passed": not failures,
         "failures": failures,
     }
@@ -139,12 +130,6 @@ def _largest_spread(values: Floats, courses: Ints) -> float:
     return float(np.max(np.maximum.reduceat(values, starts) - np.minimum.reduceat(values, starts)))
 
 
-def _number(value: float) -> float | None:
-    """The value for JSON, which has no NaN and no infinity."""
-    # Adding 0 takes the sign off a zero.
-    return float(value) + 0.0 if math.isfinite(value) else None
-
-
 def _no_link(key: str, value: float) -> bool:
     """Whether the head never goes from course to course, so that there is no clearance to measure."""
     return key == "least_link_clearance_mm" and value == math.inf
@@ -159,7 +144,7 @@ def _time_shares(tape: TapeLedger) -> dict[str, float | None]:
     """Percent of the program's time by what the head does."""
     spans = {"laying": tape.laying, "threading": tape.threading, "linking": tape.linking}
     whole = sum(spans.values())
-    return {name: _number(_percent(span, whole)) for name, span in spans.items()}
+    return {name: number(_percent(span, whole)) for name, span in spans.items()}
 
 
 def _tape(tape: TapeLedger) -> list[dict[str, Any]]:
@@ -173,12 +158,12 @@ def _tape(tape: TapeLedger) -> list[dict[str, Any]]:
         courses.append(
             {
                 "course": row.course,
-                "laid_mm": _number(row.length / MM),
-                "station_mm": _number(row.station / MM),
-                "waste_mm": _number((row.station - before) / MM),
-                "waste_roll_mm": _number(row.waste_roll / MM),
-                "waste_formula_mm": _number(row.waste_formula / MM),
-                "waste_knives_mm": _number(row.waste_knives / MM),
+                "laid_mm": number(row.length / MM),
+                "station_mm": number(row.station / MM),
+                "waste_mm": number((row.station - before) / MM),
+                "waste_roll_mm": number(row.waste_roll / MM),
+                "waste_formula_mm": number(row.waste_formula / MM),
+                "waste_knives_mm": number(row.waste_knives / MM),
                 "laying_stops": row.laying_stops,
                 "cuts": [_cut(end, cut) for end, cut in made if cut],
             }
@@ -190,32 +175,18 @@ def _tape(tape: TapeLedger) -> list[dict[str, Any]]:
 def _cut(end: str, cut: CutMade) -> dict[str, Any]:
     return {
         "end": end,
-        "station_mm": _number(cut.station / MM),
-        "angle_deg": _number(cut.angle / DEG),
+        "station_mm": number(cut.station / MM),
+        "angle_deg": number(cut.angle / DEG),
         "knife": cut.knife,
         "block": cut.block,
         **({"line": cut.line} if cut.line else {}),
         "shared": bool(cut.ending and cut.starting),
-        "error_mm": _number(cut.error / MM),
-        "blade_error_deg": _number(cut.blade_error / DEG),
+        "error_mm": number(cut.error / MM),
+        "blade_error_deg": number(cut.blade_error / DEG),
     }
-
-
-def _axis(axis: AxisUse) -> dict[str, Any]:
-    scale, unit = unit_of(axis)
-    values = {
-        "min": axis.least,
-        "max": axis.greatest,
-        "lower": axis.lower,
-        "upper": axis.upper,
-        "margin": axis.margin,
-        "max_speed": axis.top_speed,
-        "speed_limit": axis.speed_limit,
-    }
-    return {"unit": unit, **{key: _number(value * scale) for key, value in values.items()}}
 
 
 def _unmeasured(axis: AxisUse) -> list[str]:
-    travel, speed = axis_failures(axis)
+    travel, speed = axis.failures
     found = [] if math.isfinite(axis.least) and math.isfinite(axis.greatest) else [travel]
     return found + ([] if math.isfinite(axis.top_speed) else [speed])

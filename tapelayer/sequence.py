@@ -14,13 +14,12 @@ import numpy as np
 from tapelayer import gantry
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.cutting import Laid
-from tapelayer.evidence import Failure, Samples
+from tapelayer.evidence import Samples
+from tapelayer.findings import FEED_DIGITS, Failure
 from tapelayer.machine import Machine
 from tapelayer.setup import MM, Setup
 from tapelayer.trajectory import Event, Kind, Trajectory
 
-# A feed word of six digits and the time made from it agree this well.
-FEED_DIGITS = 1e-5
 # Rounded feeds shift a word's effect against the motion by no more than this share of its delay.
 DELAY_DIGITS = 2e-5
 # The heater is switched as exactly as this, in seconds.

@@ -14,10 +14,10 @@ from rich.text import Text
 
 from tapelayer.arrays import Floats
 from tapelayer.coat import Coat
-from tapelayer.evidence import AxisUse
+from tapelayer.findings import number
 from tapelayer.mesh import Mending, Mesh
 from tapelayer.passes import Plan
-from tapelayer.quantities import plain, shown, unit_of
+from tapelayer.quantities import plain, shown
 from tapelayer.setup import DEG, MM
 from tapelayer.spray_evidence import SprayEvidence
 from tapelayer.spraying import Slowdown
@@ -108,24 +108,14 @@ def numbers(judged: Judged) -> dict[str, Any]:
         "sprayed_area_m2": plan.sprayed,
         "unreachable": [{"reason": reason, "area_m2": area} for reason, area in areas if area > LEAST_AREA],
         "mesh": {"facets": len(judged.mesh.facets), "mended": _mended(judged.mesh.mending)},
-        **{key: _number(value) for key, value in measured.items()},
+        **{key: number(value) for key, value in measured.items()},
         **_coated(judged.coat),
-        "duration_s": _number(evidence.duration),
-        "arc_time_s": _number(evidence.arc_time),
+        "duration_s": number(evidence.duration),
+        "arc_time_s": number(evidence.arc_time),
         "program_sha256": judged.program_sha256,
-        "axes": {axis.name: _axis(axis) for axis in evidence.axes},
+        "axes": {axis.name: axis.values() for axis in evidence.axes},
         "passed": evidence.passed,
-        "failures": [
-            {
-                "pass": failure.number,
-                "point": failure.point,
-                "what": failure.what,
-                "value": _number(failure.value),
-                "limit": _number(failure.limit),
-                **({"line": failure.line} if failure.line else {}),
-            }
-            for failure in evidence.failures
-        ],
+        "failures": [failure.values() for failure in evidence.failures],
     }
 
 
@@ -166,11 +156,6 @@ def _largest(values: Floats) -> float:
     return float(np.max(measured)) if len(measured) else math.nan
 
 
-def _number(value: float) -> float | None:
-    """The value for JSON, which has no NaN and no infinity."""
-    return float(value) + 0.0 if math.isfinite(value) else None
-
-
 def _coated(coat: Coat | None) -> dict[str, Any]:
     """How even and how thick the coat is; relative thickness in keys that end in _rel."""
     if coat is None:
@@ -184,10 +169,10 @@ def _coated(coat: Coat | None) -> dict[str, Any]:
         "greatest": float(np.max(coat.thickness)),
     }
     return {
-        "coverage_percent": _number(even.coverage_percent),
-        "cv_percent": _number(even.cv_percent),
-        "cv_interior_percent": _number(even.cv_interior_percent),
-        "thickness": {f"{name}_{unit}": _number(value * scale) for name, value in thickness.items()},
+        "coverage_percent": number(even.coverage_percent),
+        "cv_percent": number(even.cv_percent),
+        "cv_interior_percent": number(even.cv_interior_percent),
+        "thickness": {f"{name}_{unit}": number(value * scale) for name, value in thickness.items()},
     }
 
 
@@ -198,17 +183,3 @@ def _place(point: tuple[float, float, float]) -> dict[str, float]:
 def _mended(mending: Mending) -> dict[str, int]:
     """Counts of what was mended; what was only found is among them, so that nobody misses it."""
     return {name: count for name, count in asdict(mending).items() if name != "facets_read"}
-
-
-def _axis(axis: AxisUse) -> dict[str, Any]:
-    scale, unit = unit_of(axis)
-    values = {
-        "min": axis.least,
-        "max": axis.greatest,
-        "lower": axis.lower,
-        "upper": axis.upper,
-        "margin": axis.margin,
-        "max_speed": axis.top_speed,
-        "speed_limit": axis.speed_limit,
-    }
-    return {"unit": unit, **{key: _number(value * scale) for key, value in values.items()}}

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import astuple
 
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints
-from tapelayer.evidence import AxisUse
+from tapelayer.findings import FEED_DIGITS, axes_used
 from tapelayer.machine import Machine
 from tapelayer.mesh import Mesh
 from tapelayer.outline import Outline
@@ -24,8 +25,6 @@ from tapelayer.verified import Verified
 # Pinocchio itself evaluates this many block ends; of a longer program an even selection.
 PINOCCHIO_BLOCKS = 20_000
 PINOCCHIO_AGREEMENT = 1e-9
-# A feed word of six digits and the time made from it agree this well.
-FEED_DIGITS = 1e-5
 # A place this near to the end of a facet is on the next as well, metres.
 AT_EDGE = 2e-6
 # A split is one that the plan has if it is this near to it, metres.
@@ -93,7 +92,7 @@ class SprayInspector:
             tick()
         joined = SpraySamples.joined(measured)
         distance, misplaced = self._placed(joined)
-        axes, beyond = self._axes(trajectory, digits)
+        axes, beyond = axes_used(trajectory, self.axes, digits, 2 * digits)
         disagreement = self._pinocchio(trajectory)
         if not disagreement <= PINOCCHIO_AGREEMENT:
             failures.append(SprayFailure(0, 0, "forward_disagreement_m", disagreement, PINOCCHIO_AGREEMENT))
@@ -113,7 +112,11 @@ class SprayInspector:
             forward_disagreement=disagreement,
             axes=axes,
             samples=joined,
-            failures=tuple([*failures, *misplaced, *beyond]),
+            failures=(
+                *failures,
+                *misplaced,
+                *(self._at_block(trajectory, *astuple(found)) for found in beyond),
+            ),
         )
 
     def _pass(
@@ -317,36 +320,6 @@ class SprayInspector:
                 row = int(np.argmax(wrong))
                 failures.append(self._at_block(trajectory, int(spraying[row]), what, float(values[row]), limit))
         return failures
-
-    def _axes(self, trajectory: Trajectory, digits: Floats) -> tuple[tuple[AxisUse, ...], list[SprayFailure]]:
-        """Travel and speed of every axis."""
-        uses, failures = [], []
-        feeding = np.flatnonzero(np.isin(trajectory.kinds, (Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
-        begins, ends = trajectory.begins(feeding), trajectory.positions[feeding]
-        spans = trajectory.durations[feeding]
-        for column, axis in enumerate(self.axes):
-            scale, unit = (1 / DEG, "deg") if axis.revolute else (1 / MM, "mm")
-            values = trajectory.positions[:, column]
-            stated = values[~np.isnan(values)]
-            outside = ~np.isnan(values) & ~(
-                (values >= axis.lower - digits[column] / 2) & (values <= axis.upper + digits[column] / 2)
-            )
-            if np.any(outside):
-                row = int(np.argmax(np.where(outside, np.maximum(axis.lower - values, values - axis.upper), -np.inf)))
-                bound = axis.lower if values[row] < axis.lower else axis.upper
-                what = f"axis_{axis.name}_{unit}"
-                failures.append(self._at_block(trajectory, row, what, values[row] * scale, bound * scale))
-            steps = np.abs(ends[:, column] - begins[:, column])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                speeds = np.where(steps > 2 * digits[column], (steps - 2 * digits[column]) / spans, 0.0)
-            top = float(np.max(speeds, initial=0.0))
-            if not top <= axis.speed * (1 + FEED_DIGITS):
-                row = int(feeding[np.argmax(np.nan_to_num(speeds, nan=np.inf))])
-                what = f"axis_{axis.name}_speed_{unit}_per_s"
-                failures.append(self._at_block(trajectory, row, what, top * scale, axis.speed * scale))
-            least, greatest = float(np.min(stated, initial=np.inf)), float(np.max(stated, initial=-np.inf))
-            uses.append(AxisUse(axis.name, axis.revolute, least, greatest, axis.lower, axis.upper, top, axis.speed))
-        return tuple(uses), failures
 
     def _at_block(self, trajectory: Trajectory, row: int, what: str, value: float, limit: float) -> SprayFailure:
         index = int(trajectory.courses[row])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -12,11 +12,12 @@ from tapelayer import gantry
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.course import Course
 from tapelayer.cutting import Laid, judge_cuts
-from tapelayer.evidence import AxisUse, Evidence, Failure, Samples, TapeLedger
+from tapelayer.evidence import Evidence, Samples, TapeLedger
+from tapelayer.findings import Failure, axes_used
 from tapelayer.laying import place
 from tapelayer.machine import CHUNK, Machine
 from tapelayer.progress import Tick, silent
-from tapelayer.sequence import FEED_DIGITS, judge_sequence
+from tapelayer.sequence import judge_sequence
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.toolpath import Toolpath
 from tapelayer.trajectory import Event, Kind, Trajectory
@@ -109,7 +110,7 @@ class Inspector:
                 trajectory, laid, samples, self.highest, self.setup, self.machine, digits
             )
             failures += [*cutting, *sequence]
-        axes, beyond = self._axes(trajectory, digits)
+        axes, beyond = axes_used(trajectory, self.machine.axes, digits, digits)
         taken_back, feeding = self._feeding(trajectory, layings)
         disagreement = self._pinocchio(trajectory)
         if not disagreement <= PINOCCHIO_AGREEMENT:
@@ -128,7 +129,11 @@ class Inspector:
             tape_width=self.setup.tape.width_mm * MM,
             roller_radius=self.roller_radius,
             tape=tape,
-            failures=tuple([*failures, *feeding, *beyond]),
+            failures=(
+                *failures,
+                *feeding,
+                *(self._at_block(trajectory, *astuple(found)) for found in beyond),
+            ),
         )
 
     def _number_of_courses(self, trajectory: Trajectory, layings: Sequence[_Laying]) -> list[Failure]:
@@ -254,35 +259,6 @@ class Inspector:
         with np.errstate(divide="ignore", invalid="ignore"):
             speeds[ends[1:]] = np.where(going, (ways - doubt) / spans, 0.0)
         return speeds
-
-    def _axes(self, trajectory: Trajectory, digits: Floats) -> tuple[tuple[AxisUse, ...], list[Failure]]:
-        """Travel and speed of every axis."""
-        uses, failures = [], []
-        feeding = np.flatnonzero(np.isin(trajectory.kinds, (Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
-        begins, ends = trajectory.begins(feeding), trajectory.positions[feeding]
-        spans = trajectory.durations[feeding]
-        for column, axis in enumerate(self.machine.axes):
-            scale, unit = (1 / DEG, "deg") if axis.revolute else (1 / MM, "mm")
-            values = trajectory.positions[:, column]
-            stated = values[~np.isnan(values)]
-            inside = (stated >= axis.lower - digits[column] / 2) & (stated <= axis.upper + digits[column] / 2)
-            if not np.all(inside):
-                row = int(np.argmax(np.nan_to_num(np.maximum(axis.lower - values, values - axis.upper), nan=-np.inf)))
-                bound = axis.lower if values[row] < axis.lower else axis.upper
-                failures.append(
-                    self._at_block(trajectory, row, f"axis_{axis.name}_{unit}", values[row] * scale, bound * scale)
-                )
-            steps = np.abs(ends[:, column] - begins[:, column])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                speeds = np.where(steps > digits[column], (steps - digits[column]) / spans, 0.0)
-            top = float(np.max(speeds, initial=0.0))
-            if not top <= axis.speed * (1 + FEED_DIGITS):
-                row = int(feeding[np.argmax(np.nan_to_num(speeds, nan=np.inf))])
-                what = f"axis_{axis.name}_speed_{unit}_per_s"
-                failures.append(self._at_block(trajectory, row, what, top * scale, axis.speed * scale))
-            least, greatest = float(np.min(stated, initial=np.inf)), float(np.max(stated, initial=-np.inf))
-            uses.append(AxisUse(axis.name, axis.revolute, least, greatest, axis.lower, axis.upper, top, axis.speed))
-        return tuple(uses), failures
 
     def _at_block(self, trajectory: Trajectory, row: int, what: str, value: float, limit: float) -> Failure:
         index = int(trajectory.courses[row])

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tapelayer.evidence import AxisUse, CutMade, Evidence, LedgerRow, Samples, TapeLedger
+from tapelayer.evidence import CutMade, Evidence, LedgerRow, Samples, TapeLedger
+from tapelayer.findings import AxisUse
 from tapelayer.trajectory import Kind, Trajectory
 
 SHA256 = "0123456789abcdef" * 4

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tapelayer.cutting import Laid, judge_cuts
-from tapelayer.evidence import Failure, TapeLedger
+from tapelayer.evidence import TapeLedger
+from tapelayer.findings import Failure
 from tapelayer.machine import Machine
 from tapelayer.setup import DEG, MM, Setup
 from tapelayer.trajectory import Event, Kind, Trajectory
@@ -83,7 +84,7 @@ def judged(program: Program, *courses: Laid, setup: Setup | None = None) -> tupl
 
 
 def said(failures: list[Failure]) -> list[tuple[int, str, int]]:
-    return [(failure.course, failure.what, failure.line) for failure in failures]
+    return [(failure.number, failure.what, failure.line) for failure in failures]
 
 
 @pytest.mark.parametrize("knife", [1, 2])

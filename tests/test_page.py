@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tapelayer.evidence import Failure, Samples
+from tapelayer.evidence import Samples
+from tapelayer.findings import Failure
 from tapelayer.setup import Setup
 from tests.judged import axes, evidence, ledger, samples, trajectory
 from tests.pages import Elements, figures, page
@@ -95,7 +96,7 @@ def test_page_of_a_million_samples_is_below_three_megabytes() -> None:
 
 
 def test_page_of_a_program_that_lays_nothing() -> None:
-    nothing = replace(samples(), **{name: getattr(samples(), name)[:0] for name in Samples.__dataclass_fields__})
+    nothing = Samples.joined([])
     still = replace(trajectory(), durations=np.zeros(5))
     text = page(evidence(samples=nothing), moves=still)
     Elements(text)

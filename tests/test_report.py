@@ -15,7 +15,8 @@ import pytest
 from rich.console import Console
 
 from tapelayer import report
-from tapelayer.evidence import Failure, Samples, TapeLedger
+from tapelayer.evidence import Samples, TapeLedger
+from tapelayer.findings import Failure
 from tapelayer.gantry import lengths
 from tapelayer.job import Job
 from tapelayer.laying import plan
@@ -100,7 +101,7 @@ def test_failures_with_their_places() -> None:
 
 
 def test_nothing_measured_is_neither_nought_nor_passed() -> None:
-    nothing = replace(samples(), **{name: getattr(samples(), name)[:0] for name in Samples.__dataclass_fields__})
+    nothing = Samples.joined([])
     numbers = report.numbers(evidence(samples=nothing), SHA256)
     of_others = ("max_forward_disagreement_m", "max_cut_error_mm", "max_blade_error_deg")
     lost = {key for key in KEYS if key.startswith("max_") and key not in of_others}

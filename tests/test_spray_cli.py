@@ -126,7 +126,7 @@ def test_a_program_edited_by_hand_is_judged(sprayed: Path) -> None:
     (sprayed / "b.nc").write_text(text.replace(line, edited))
     arguments = ["wave.stl", "--setup", "job.toml", "--direction-deg", 90, "--quiet"]
     done = run("verify", "b.nc", *arguments, cwd=sprayed, expect=1)
-    assert re.match(r"line \d+ pass \d+ point \d+: position_error_mm is ", done.stderr)
+    assert re.match(r"line \d+: pass \d+ point \d+: position_error_mm is ", done.stderr)
     (sprayed / "c.nc").write_text(text.replace(" M05\n", " M00\n"))
     assert "arc_left_on" in run("verify", "c.nc", *arguments, cwd=sprayed, expect=1).stderr
 

@@ -145,7 +145,7 @@ def test_a_failure_says_where_it_is() -> None:
     with pytest.raises(VerificationFailed) as caught:
         inspector.verify(moved(trajectory, block, "y", 1 * MM))
     first = str(caught.value).splitlines()[0]
-    assert re.fullmatch(rf"line {block + 11} pass 1 point \d+: position_error_mm is 1, limit 0.05", first), first
+    assert re.fullmatch(rf"line {block + 11}: pass 1 point \d+: position_error_mm is 1, limit 0.05", first), first
     assert caught.value.exit_code == 1
     assert SprayFailure(0, 0, "x_mm", 1.0, 2.0).sentence() == "x_mm is 1, limit 2"
 

@@ -11,7 +11,8 @@ import pytest
 from tapelayer import gantry, verification
 from tapelayer.course import Course, read_courses
 from tapelayer.errors import VerificationFailed
-from tapelayer.evidence import Evidence, Failure
+from tapelayer.evidence import Evidence
+from tapelayer.findings import Failure
 from tapelayer.laying import plan
 from tapelayer.machine import Machine
 from tapelayer.setup import DEG, MM
@@ -123,7 +124,7 @@ def test_a_good_trajectory_passes_with_its_numbers() -> None:
 def test_what_is_wrong_is_named_with_its_place(what: str, change: Change, course: int, line: int | None) -> None:
     failures = [failure for failure in examined(change).failures if failure.what == what]
     assert len(failures) == 1, examined(change).failures
-    assert failures[0].course == course
+    assert failures[0].number == course
     if line is not None:
         assert abs(failures[0].line - line) <= 1
     assert ~(failures[0].value <= failures[0].limit) or what in ("laid_length_mm", "courses_laid", "axis_y_mm")

@@ -11,7 +11,8 @@ import pytest
 
 from tapelayer import errors
 from tapelayer.errors import CourseFileRefused, Fault, TapelayerError, VerificationFailed
-from tapelayer.evidence import Evidence, Failure, Samples, TapeLedger
+from tapelayer.evidence import Evidence, Samples, TapeLedger
+from tapelayer.findings import Failure
 from tapelayer.spray_evidence import SprayEvidence, SprayFailure, SpraySamples
 from tapelayer.workbench.problems import CODES, SHOWN_PLACES, Problem, code_of, of_error, problem_of
 

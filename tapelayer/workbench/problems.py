@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from tapelayer.errors import Fault, InputRefused, TapelayerError, VerificationFailed
-from tapelayer.evidence import Evidence, Failure
-from tapelayer.spray_evidence import SprayEvidence, SprayFailure
+from tapelayer.findings import Findings
 
 MEDIA_TYPE = "application/problem+json"
 # A job's state is sent and stored often: a problem shows the first places, the report has them all.
@@ -201,8 +199,8 @@ def problem_of(error: TapelayerError) -> Problem:
     if isinstance(error, InputRefused):
         evidence["faults"] = [_fault(fault) for fault in error.faults[:SHOWN_PLACES]]
         evidence["fault_count"] = len(error.faults)
-    if isinstance(error, VerificationFailed) and isinstance(error.evidence, Evidence | SprayEvidence):
-        evidence["failures"] = [_failure(failure) for failure in error.evidence.failures[:SHOWN_PLACES]]
+    if isinstance(error, VerificationFailed) and isinstance(error.evidence, Findings):
+        evidence["failures"] = [failure.values() for failure in error.evidence.failures[:SHOWN_PLACES]]
         evidence["failure_count"] = len(error.evidence.failures)
     return Problem(code_of(type(error)), str(error), **evidence)
 
@@ -218,22 +216,7 @@ def code_of(error: type[TapelayerError]) -> str:
 
 
 def _fault(fault: Fault) -> dict[str, Any]:
-    return {"line": fault.line, "column": fault.column, "sentence": fault.sentence}
-
-
-def _failure(failure: Failure | SprayFailure) -> dict[str, Any]:
-    """A failure as the report has it."""
-    place = {"course": failure.course} if isinstance(failure, Failure) else {"pass": failure.number}
-    return {
-        **place,
-        "point": failure.point,
-        "what": failure.what,
-        "value": _number(failure.value),
-        "limit": _number(failure.limit),
-        **({"line": failure.line} if failure.line else {}),
-    }
-
-
-def _number(value: float) -> float | None:
-    """The value for JSON, which has no NaN and no infinity."""
-    return value if math.isfinite(value) else None
+    told: dict[str, Any] = {"line": fault.line, "column": fault.column, "sentence": fault.sentence}
+    if fault.place:
+        told["section"], told["key"] = fault.place[0], ".".join(fault.place[1:2])
+    return told
