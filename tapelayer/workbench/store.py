@@ -32,6 +32,7 @@ from tapelayer.workbench.problems import Problem
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 Ending = Literal["done", "failed", "cancelled"]
 
+SERVER_STOPPED = "the server was stopped while this job ran; submit it again"
 SCHEMA = 1
 TABLE = """
 CREATE TABLE jobs (
@@ -244,8 +245,7 @@ class Store:
         """
         with self._guard:
             for record in self._select("WHERE state = 'running'"):
-                stopped = Problem("server-stopped", "the server was stopped while this job ran; submit it again")
-                self.finish(record.id, "failed", None, stopped.body())
+                self.finish(record.id, "failed", None, Problem("server-stopped", SERVER_STOPPED).body())
             folders = {folder.name for folder in self._jobs.iterdir()}
             rows = {record.id for record in self._select("")}
             self._index.executemany("DELETE FROM jobs WHERE id = ?", [(job,) for job in rows - folders])
