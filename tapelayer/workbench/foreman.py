@@ -1,0 +1,370 @@
+"""Foreman: who gives jobs to workers, one process a job, and says how they go.
+
+Processes are started before they are needed and used once. A job's process can die, or be killed, without anything
+happening to the others.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import os
+import secrets
+import signal
+import sys
+from asyncio.subprocess import PIPE, Process
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tapelayer.workbench.problems import Problem
+from tapelayer.workbench.store import SERVER_STOPPED, Record, Store
+
+# The last line of a worker: {"state": "done" | "failed", "summary": {...} | None, "error": {...} | None}.
+Message = dict[str, Any]
+Hear = Callable[[str, float], None]
+
+# With -P no module is taken from the folder that the server happens to stand in.
+COMMAND = (sys.executable, "-P", "-m", "tapelayer.workbench.worker")
+WARM_AFTER_SECONDS = 2.0  # the page's first view comes first
+RETRY_SECONDS = 10
+SWEEP_SECONDS = 3600.0
+STOP_SECONDS = 2.0
+LONGEST_LINE = 2**26
+
+log = logging.getLogger(__name__)
+
+
+def _spare_cores() -> int:
+    return max(1, len(os.sched_getaffinity(0)) - 1)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the server gives.
+
+    Attributes:
+        workers: jobs that run at a time.
+        queue: jobs that wait.
+        job_seconds: for a job to run.
+        memory_bytes: for a job's process.
+        keep_days: from the end of a job to its removal.
+    """
+
+    workers: int = field(default_factory=_spare_cores)
+    queue: int = 200
+    job_seconds: float = 1800.0
+    memory_bytes: int = 8 * 2**30
+    keep_days: float = 30.0
+
+
+class Foreman:
+    """The jobs of a store that wait or run.
+
+    Args:
+        store: where they are kept.
+        limits: what they may take.
+    """
+
+    def __init__(self, store: Store, limits: Limits) -> None:
+        self.limits = limits
+        self._store = store
+        self._jobs: dict[str, _Run] = {}
+        self._errands: set[asyncio.Task[Message]] = set()
+        self._turns = _Turns(limits.workers)
+        self._spares: deque[Process] = deque()
+        self._chores: set[asyncio.Task[None]] = set()
+        self._hiring: asyncio.Task[None] | None = None
+        self._stopping = False
+
+    async def start(self) -> None:
+        """Put right what the last server left, and go on with the jobs that wait."""
+        for record in self._store.recover():
+            self._take_on(record)
+        self._chore(self._sweep())
+        self._chore(self._warm_up())
+
+    async def stop(self) -> None:
+        """End every process: what runs fails, what waits does so until the next start."""
+        self._stopping = True
+        tasks = [*(run.task for run in self._jobs.values()), *self._errands, *self._chores]
+        for task in tasks:
+            task.cancel()
+        if tasks:
+            await asyncio.wait(tasks, timeout=STOP_SECONDS)
+        await asyncio.gather(*(_end(spare) for spare in self._spares))
+        self._spares.clear()
+
+    def check_room(self) -> None:
+        """Refuse what the queue has no room for.
+
+        Raises:
+            Problem: the queue is full, or the server is being stopped.
+        """
+        if self._stopping:
+            raise Problem("server-stopped", "the server is being stopped; send this again to the next one")
+        waiting = len(self._jobs) + len(self._errands) - self.limits.workers
+        if waiting >= self.limits.queue:
+            sentence = f"the queue is full ({waiting} waiting); try again in {RETRY_SECONDS} s"
+            raise Problem("queue-full", sentence, {"Retry-After": str(RETRY_SECONDS)})
+
+    def submit(self, record: Record) -> None:
+        """Run a queued job when its turn comes.
+
+        Raises:
+            Problem: as `check_room`; the job is still in the store.
+        """
+        self.check_room()
+        self._take_on(record)
+
+    async def run(self, folder: Path, owner: str) -> Message:
+        """Do what a folder asks for that is no job of the store, when its turn comes; the worker's last message.
+
+        Raises:
+            Problem: as `check_room`, or the server was stopped meanwhile.
+        """
+        self.check_room()
+        task = asyncio.create_task(self._work(folder, owner, lambda: None, lambda stage, progress: None))
+        self._errands.add(task)
+        task.add_done_callback(self._errands.discard)
+        try:
+            return await task
+        except asyncio.CancelledError:
+            if self._stopping:
+                raise Problem("server-stopped", SERVER_STOPPED) from None
+            raise
+
+    async def cancel(self, job: str) -> Record:
+        """Cancel a job that waits or runs; the job as it is when nothing of it runs any more.
+
+        Raises:
+            Problem: there is no such job.
+        """
+        run = self._jobs.get(job)
+        if run:
+            run.task.cancel()
+            await asyncio.wait([run.task])
+        return self._store.get(job)
+
+    async def watch(self, job: str) -> AsyncIterator[Record]:
+        """A job as it is, and again whenever it changes, until it has ended or the server stops.
+
+        Raises:
+            Problem: there is no such job.
+        """
+        run = self._jobs.get(job)
+        if not run:
+            yield self._store.get(job)
+            return
+        over = False
+        while not over:
+            # What changes while the watcher is busy rings this bell, too.
+            bell, over = run.bell, run.over
+            yield run.record
+            if not over:
+                await bell.wait()
+
+    def _take_on(self, record: Record) -> None:
+        run = _Run(record)
+        begin, hear = partial(self._begin, run), partial(self._advance, run)
+        run.task = asyncio.create_task(self._work(self._store.folder(record.id), record.owner, begin, hear))
+        run.task.add_done_callback(partial(self._settle, run))
+        self._jobs[record.id] = run
+
+    def _begin(self, run: _Run) -> None:
+        run.tell(self._store.begin(run.record.id))
+
+    def _advance(self, run: _Run, stage: str, progress: float) -> None:
+        self._store.advance(run.record.id, stage, progress)
+        run.tell(replace(run.record, stage=stage, progress=progress))
+
+    def _settle(self, run: _Run, task: asyncio.Task[Message]) -> None:
+        """Keep how a job ended, and tell its watchers."""
+        job = run.record.id
+        self._jobs.pop(job)
+        try:
+            if not (task.cancelled() and self._stopping and run.record.state == "queued"):
+                message = self._outcome(task)
+                run.tell(self._store.finish(job, message["state"], message["summary"], message["error"]))
+        finally:
+            run.end()
+
+    def _outcome(self, task: asyncio.Task[Message]) -> Message:
+        if task.cancelled() and self._stopping:
+            return _failed(Problem("server-stopped", SERVER_STOPPED))
+        if task.cancelled():
+            return _failed(Problem("cancelled", "the job was cancelled")) | {"state": "cancelled"}
+        error = task.exception()
+        if error is None:
+            return task.result()
+        reference = secrets.token_hex(4)
+        log.error("reference %s", reference, exc_info=error)
+        sentence = f"something went wrong in the server; its log tells more under the reference {reference}"
+        return _failed(Problem("internal", sentence, reference=reference))
+
+    async def _work(self, folder: Path, owner: str, begin: Callable[[], None], hear: Hear) -> Message:
+        """Wait for the owner's turn, give the folder to a worker, and hear it out."""
+        async with self._turns.of(owner):
+            process = await self._hire()
+            try:
+                begin()
+                async with asyncio.timeout(self.limits.job_seconds):
+                    return await self._converse(process, folder, hear)
+            except TimeoutError:
+                sentence = f"the job took longer than the {self.limits.job_seconds:g} s that the server gives to one"
+                return _failed(Problem("out-of-time", f"{sentence}; thin its points or triangles out, or split it"))
+            finally:
+                await _end(process)
+
+    async def _converse(self, process: Process, folder: Path, hear: Hear) -> Message:
+        assert process.stdin and process.stdout
+        order = {"folder": str(folder), "memory_bytes": self.limits.memory_bytes}
+        process.stdin.write(json.dumps(order).encode() + b"\n")
+        async for line in process.stdout:
+            # A worker that is killed may leave the beginning of a line.
+            message = json.loads(line) if line.endswith(b"\n") else {}
+            if "state" in message:
+                return dict(message)
+            if "stage" in message:
+                hear(message["stage"], message["progress"])
+        code = await process.wait()
+        cause = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with status {code}"
+        return _failed(Problem("worker-killed", f"the job's process {cause}; only this job is lost, submit it again"))
+
+    async def _hire(self) -> Process:
+        """A worker that waits for its order."""
+        process = None
+        while self._spares and not process:
+            spare = self._spares.popleft()
+            process = spare if spare.returncode is None else None
+        process = process or await _spawn()
+        self._refill()
+        return process
+
+    def _refill(self) -> None:
+        if not self._hiring or self._hiring.done():
+            self._hiring = self._chore(self._fill_up())
+
+    async def _fill_up(self) -> None:
+        while len(self._spares) < self.limits.workers:
+            self._spares.append(await _spawn())
+
+    async def _warm_up(self) -> None:
+        await asyncio.sleep(WARM_AFTER_SECONDS)
+        self._refill()
+
+    async def _sweep(self) -> None:
+        """Remove what has expired, every now and then."""
+        while True:
+            try:
+                await asyncio.to_thread(self._store.expire, self.limits.keep_days)
+            except Exception:
+                log.exception("expired jobs could not be removed")
+            await asyncio.sleep(SWEEP_SECONDS)
+
+    def _chore(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        task = asyncio.create_task(work)
+        self._chores.add(task)
+        task.add_done_callback(self._chores.discard)
+        return task
+
+
+class _Run:
+    """A job that waits or runs, and the bell that its watchers wait for.
+
+    Args:
+        record: the job as it is.
+    """
+
+    task: asyncio.Task[Message]
+
+    def __init__(self, record: Record) -> None:
+        self.record = record
+        self.bell = asyncio.Event()
+        self.over = False
+
+    def tell(self, record: Record) -> None:
+        """Let the watchers know the job as it is now."""
+        self.record = record
+        self._ring()
+
+    def end(self) -> None:
+        """Let the watchers go."""
+        self.over = True
+        self._ring()
+
+    def _ring(self) -> None:
+        self.bell.set()
+        self.bell = asyncio.Event()
+
+
+class _Turns:
+    """So many turns at a time: first come, first served within an owner, and from owner to owner in the round.
+
+    Args:
+        count: turns at a time.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._free = count
+        self._waiting: dict[str, deque[asyncio.Future[None]]] = {}
+
+    @asynccontextmanager
+    async def of(self, owner: str) -> AsyncIterator[None]:
+        """A turn of an owner, when it comes."""
+        await self._take(owner)
+        try:
+            yield
+        finally:
+            self._give_back()
+
+    async def _take(self, owner: str) -> None:
+        if self._free:
+            self._free -= 1
+            return
+        turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._waiting.setdefault(owner, deque()).append(turn)
+        try:
+            await turn
+        except asyncio.CancelledError:
+            # Whoever is cancelled between getting the turn and taking it hands it on.
+            if not turn.cancelled():
+                self._give_back()
+            raise
+
+    def _give_back(self) -> None:
+        """Hand the turn to the owner whose round it is, who then goes to the end of the round."""
+        while self._waiting:
+            owner = next(iter(self._waiting))
+            queue = self._waiting.pop(owner)
+            turn = queue.popleft()
+            if queue:
+                self._waiting[owner] = queue
+            if not turn.cancelled():
+                turn.set_result(None)
+                return
+        self._free += 1
+
+
+async def _spawn() -> Process:
+    """A worker, in a process group of its own."""
+    return await asyncio.create_subprocess_exec(
+        *COMMAND, stdin=PIPE, stdout=PIPE, limit=LONGEST_LINE, start_new_session=True
+    )
+
+
+async def _end(process: Process) -> None:
+    """Kill a worker with all that it started; it has saved what it made before it said so."""
+    if process.returncode is None:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    await process.wait()
+
+
+def _failed(problem: Problem) -> Message:
+    return {"state": "failed", "summary": None, "error": problem.body()}
