@@ -14,7 +14,7 @@ from tapelayer.errors import CourseFileRefused, Fault, TapelayerError, Verificat
 from tapelayer.evidence import Evidence, Samples, TapeLedger
 from tapelayer.findings import Failure
 from tapelayer.spray_evidence import SprayEvidence, SprayFailure, SpraySamples
-from tapelayer.workbench.problems import CODES, SHOWN_PLACES, Problem, code_of, of_error, problem_of
+from tapelayer.workbench.problems import CODES, SHOWN_PLACES, Problem, code_of, of_error, problem_of, responses
 
 # Clients translate and branch by these: a code may be added here, never changed.
 STABLE = {
@@ -175,3 +175,12 @@ def test_a_problem_stays_small() -> None:
     assert (len(refused["faults"]), refused["fault_count"]) == (SHOWN_PLACES, many)
     failed = of_error(VerificationFailed("bad", replace(LAY, failures=LAY.failures[:1] * many)))
     assert (len(failed["failures"]), failed["failure_count"]) == (SHOWN_PLACES, many)
+
+
+def test_routes_describe_their_problems_by_status() -> None:
+    described = responses("token-required", "wrong-token", "queue-full")
+    assert list(described) == [401, 429]
+    assert described[401]["description"].split("\n\n") == [
+        f"`{code}`: {CODES[code].meaning}" for code in ("token-required", "wrong-token")
+    ]
+    assert list(described[429]["content"]) == ["application/problem+json"]

@@ -193,6 +193,17 @@ class Problem(Exception):
         }
 
 
+def responses(*codes: str) -> dict[int | str, dict[str, Any]]:
+    """What OpenAPI says of a route that may answer these problems, by status."""
+    schema = {"$ref": "#/components/schemas/ProblemDetails"}
+    by_status: dict[int | str, dict[str, Any]] = {}
+    for code in codes:
+        kind = CODES[code]
+        response = by_status.setdefault(kind.status, {"description": "", "content": {MEDIA_TYPE: {"schema": schema}}})
+        response["description"] = f"{response['description']}\n\n`{code}`: {kind.meaning}".strip()
+    return by_status
+
+
 def problem_of(error: TapelayerError) -> Problem:
     """An error of the library as a problem, with its faults or failures."""
     evidence: dict[str, Any] = {}
