@@ -1,4 +1,4 @@
-import type { Blocks, Table } from "./panels";
+import type { Blocks, Made, Table } from "./panels";
 
 export interface Axis {
   name: string;
@@ -174,4 +174,13 @@ export class Motion {
     }
     return states;
   }
+}
+
+const motions = new WeakMap<Made, Motion>();
+
+/** The motion of a job's results, made once. */
+export function motionOf(made: Made): Motion {
+  const motion = motions.get(made) ?? new Motion(made.poses, made.blocks);
+  motions.set(made, motion);
+  return motion;
 }

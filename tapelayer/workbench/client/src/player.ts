@@ -1,6 +1,6 @@
 import "./player.css";
 import { h, translateAll } from "./elements";
-import { Motion } from "./motion";
+import { type Motion, motionOf } from "./motion";
 import type { Clock, CreatePlayer, Kind, Made } from "./panels";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 50];
@@ -224,7 +224,7 @@ export const createPlayer: CreatePlayer = (root, t) => {
 
   function load(made: Made | null): void {
     if (made) kind = made.kind;
-    const motion = made && new Motion(made.poses, made.blocks);
+    const motion = made && motionOf(made);
     build(motion);
     player.load(motion);
   }

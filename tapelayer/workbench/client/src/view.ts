@@ -1,0 +1,142 @@
+import { Box3, DirectionalLight, HemisphereLight, PerspectiveCamera, Scene, Sphere, Vector3, WebGLRenderer } from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+
+export const DIRECTIONS = {
+  iso: new Vector3(0.75, -1, 0.7),
+  top: new Vector3(0, -0.001, 1),
+  front: new Vector3(0, -1, 0.12),
+  side: new Vector3(1, 0, 0.12),
+} as const;
+export type Direction = keyof typeof DIRECTIONS;
+
+// Software renderers draw every pixel slowly: so many frames a second, and so many pixels while something moves.
+const FRAME_MS = 1000 / 30;
+const MOVING_PIXELS = 1_500_000;
+const RESTING_PIXELS = 4_000_000;
+const REST_MS = 250;
+
+/** Whether this browser can draw in 3D at all. */
+export function drawable(): boolean {
+  return document.createElement("canvas").getContext("webgl2") !== null;
+}
+
+/** A camera on a scene that is drawn when something has changed, and not otherwise. Metres, z up. */
+export class View {
+  readonly scene = new Scene();
+  readonly camera = new PerspectiveCamera(35, 1, 0.02, 100);
+  readonly controls: OrbitControls;
+  private readonly renderer: WebGLRenderer;
+  private readonly observer: ResizeObserver;
+  private readonly sphere = new Sphere(new Vector3(), 2);
+  private frame = 0;
+  private rest = 0;
+  private drawn = 0;
+  private frames = 0;
+  private lost = false;
+
+  /**
+   * @param host element that the canvas fills.
+   * @param onLost told when the graphics context goes and when it comes back.
+   * @param beforeDraw brings the scene up to date right before it is drawn.
+   */
+  constructor(
+    private readonly host: HTMLElement,
+    readonly canvas: HTMLCanvasElement,
+    onLost: (lost: boolean) => void,
+    private readonly beforeDraw: () => void,
+  ) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "low-power" });
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.addEventListener("change", () => this.draw());
+    this.controls.zoomToCursor = true;
+    const sun = new DirectionalLight(0xffffff, 1.9);
+    sun.position.set(-0.4, 0.8, 1);
+    this.camera.add(sun);
+    this.scene.add(this.camera, new HemisphereLight(0xffffff, 0x8a94a0, 1.6));
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault();
+      this.lost = true;
+      onLost(true);
+    });
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.lost = false;
+      onLost(false);
+      this.draw();
+    });
+    this.observer = new ResizeObserver(() => this.draw());
+    this.observer.observe(host);
+  }
+
+  /** Draws soon. */
+  draw(): void {
+    if (!this.frame) this.frame = requestAnimationFrame(this.tick);
+  }
+
+  /** Looks at all of a box. */
+  look(direction: Direction | null, box: Box3): void {
+    if (box.isEmpty()) return;
+    box.getBoundingSphere(this.sphere);
+    const way = direction ? DIRECTIONS[direction].clone() : this.camera.position.clone().sub(this.controls.target);
+    const narrow = Math.min(1, this.camera.aspect || 1);
+    const distance = (1.05 * this.sphere.radius) / (Math.sin((this.camera.fov * Math.PI) / 360) * narrow);
+    this.controls.target.copy(this.sphere.center);
+    this.camera.position.copy(this.sphere.center).addScaledVector(way.normalize(), Math.max(distance, 0.1));
+    this.controls.update();
+    this.draw();
+  }
+
+  /** Moves the view so that a point is in its middle. */
+  follow(point: Vector3): void {
+    this.camera.position.add(point).sub(this.controls.target);
+    this.controls.target.copy(point);
+  }
+
+  dispose(): void {
+    cancelAnimationFrame(this.frame);
+    clearTimeout(this.rest);
+    this.observer.disconnect();
+    this.controls.dispose();
+    this.renderer.dispose();
+  }
+
+  private readonly tick = (now: number): void => {
+    this.frame = 0;
+    if (now - this.drawn < FRAME_MS - 2) {
+      this.draw();
+      return;
+    }
+    this.drawn = now;
+    this.render(MOVING_PIXELS, 1);
+    clearTimeout(this.rest);
+    this.rest = window.setTimeout(() => this.sharpen(), REST_MS);
+  };
+
+  /** Draws once more with every pixel of the screen, when nothing moves any longer. */
+  private sharpen(): void {
+    const { clientWidth, clientHeight } = this.host;
+    const coarse = devicePixelRatio > 1 || clientWidth * clientHeight > MOVING_PIXELS;
+    if (coarse && !this.frame) this.render(RESTING_PIXELS, Math.min(devicePixelRatio, 2));
+  }
+
+  private render(pixels: number, finest: number): void {
+    const { clientWidth: width, clientHeight: height } = this.host;
+    if (this.lost || !width || !height) return;
+    const began = performance.now();
+    this.beforeDraw();
+    const ratio = Math.min(finest, Math.sqrt(pixels / (width * height)));
+    this.resize(width, height, ratio);
+    this.renderer.render(this.scene, this.camera);
+    this.frames += 1;
+    this.canvas.dataset["frames"] = String(this.frames);
+    this.canvas.dataset["drawMs"] = (performance.now() - began).toFixed(1);
+  }
+
+  private resize(width: number, height: number, ratio: number): void {
+    const [columns, rows] = [Math.floor(width * ratio), Math.floor(height * ratio)];
+    if (this.canvas.width === columns && this.canvas.height === rows) return;
+    this.renderer.setDrawingBufferSize(width, height, ratio);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+  }
+}
