@@ -1,0 +1,173 @@
+"""Submission: what came with a request, checked, and laid out as the folder from which a worker makes the job.
+
+Nothing that came over HTTP names a file of the server: a setup's files are built-ins, or came with the request.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any, cast, get_args
+from xml.etree.ElementTree import ParseError
+
+import defusedxml.ElementTree
+from defusedxml import DefusedXmlException
+
+from post import controllers
+from tapelayer.mesh import Unit
+from tapelayer.setup import Setup, parse_setup
+from tapelayer.spray_setup import SpraySetup
+from tapelayer.workbench.problems import Problem
+from tapelayer.workbench.setups import MODELS, JobKind, text_of
+from tapelayer.workbench.uploads import Form, Sort
+
+JOB_FIELDS: dict[str, Sort] = {
+    "file": "file",
+    "kind": "text",
+    "setup": "text",
+    "controller": "text",
+    "unit": "text",
+    "mould": "file",
+    "parts": "files",
+}
+VERIFY_FIELDS: dict[str, Sort] = {
+    "program": "file",
+    "file": "file",
+    "kind": "text",
+    "setup": "text",
+    "controller": "text",
+    "unit": "text",
+    "force": "text",
+    "parts": "files",
+}
+MACHINES: dict[JobKind, str] = {"lay": "tapelayer", "spray": "sprayer"}
+
+LARGEST_URDF = 10 * 2**20
+
+
+def job_request(form: Form, folder: Path) -> dict[str, Any]:
+    """What a job's form asks for, its folder ready for a worker.
+
+    Args:
+        form: with `JOB_FIELDS`.
+        folder: with the form's files.
+
+    Raises:
+        Problem: a field is missing or wrong, or the setup names what did not come along.
+        SetupRefused: the setup has faults.
+    """
+    request = _request(form, folder)
+    if "mould" in form.names and request["kind"] != "lay":
+        raise _invalid("mould: a mould belongs to kind lay; leave it out")
+    return {**request, "program_name": f"{Path(request['name']).stem}.nc"}
+
+
+def verify_request(form: Form, folder: Path) -> dict[str, Any]:
+    """What the form of a program that is to be judged asks for, its folder ready for a worker.
+
+    Args:
+        form: with `VERIFY_FIELDS`.
+        folder: with the form's files.
+
+    Raises:
+        Problem: as `job_request`.
+        SetupRefused: the setup has faults.
+    """
+    if "program" not in form.names:
+        raise _invalid("program: is missing; send the NC program as a file")
+    force = _chosen(form, "force", ("true", "false"), "false") == "true"
+    request = _request(form, folder)
+    return {
+        **request,
+        "kind": "verify",
+        "of": request["kind"],
+        "program_name": form.names["program"],
+        "force": force,
+    }
+
+
+def _request(form: Form, folder: Path) -> dict[str, Any]:
+    """What both forms ask for, with the source and the setup where the worker looks for them."""
+    if "file" not in form.names:
+        raise _invalid("file: is missing; send the course file or the STL as a file")
+    kind = cast(JobKind, _chosen(form, "kind", get_args(JobKind), ""))
+    if "unit" in form.texts and kind != "spray":
+        raise _invalid("unit: a unit belongs to kind spray, course files are in mm; leave it out")
+    unit = _chosen(form, "unit", get_args(Unit), "mm")
+    _check_parts(form.files)
+    (folder / "setup.toml").write_text(_setup(form, kind), encoding="utf-8")
+    (folder / "file").rename(folder / "source")
+    return {"kind": kind, "name": form.names["file"], "unit": unit, "parts": sorted(form.files)}
+
+
+def _setup(form: Form, kind: JobKind) -> str:
+    """The setup of the job as TOML: the control that the form names is in it, and the built-in machine is not named."""
+    data, name = bytes(form.texts.get("setup", b"")), form.names.get("setup", "setup")
+    setup = cast(Setup | SpraySetup, parse_setup(data, name, MODELS[kind]))
+    if controller := form.text("controller", ""):
+        setup = setup.with_values("output", controller=controller)
+    _check_name("[output] controller", setup.output.controller, controllers.names(), form.files)
+    if isinstance(setup, SpraySetup) and setup.footprint.profile is not None:
+        _check_name("[footprint] profile", setup.footprint.profile, (), form.files)
+    if (urdf := setup.machine.urdf) is not None:
+        _check_name("[machine] urdf", urdf, (MACHINES[kind],), form.files)
+        if urdf in form.files:
+            _check_urdf(form.files[urdf], urdf, form.files)
+        else:
+            setup = setup.with_values("machine", urdf=None)
+    return text_of(setup)
+
+
+def _check_parts(parts: Collection[str]) -> None:
+    for name in parts:
+        if name in (*controllers.names(), *MACHINES.values()):
+            raise Problem("name-not-allowed", f"parts: {name} is the name of a built-in; rename the file")
+
+
+def _check_name(place: str, name: str, built_in: Collection[str], parts: Collection[str]) -> None:
+    if name not in built_in and name not in parts:
+        allowed = ", ".join([*built_in, *sorted(parts)]) or "none"
+        raise Problem(
+            "name-not-allowed",
+            f"{place}: {_shown(name)} is neither built in nor a file sent along as one of parts; there are: {allowed}",
+        )
+
+
+def _check_urdf(path: Path, name: str, parts: Mapping[str, Path]) -> None:
+    """Refuse XML that does more than describe, and meshes that did not come along."""
+    size = path.stat().st_size
+    if size > LARGEST_URDF:
+        raise Problem("upload-too-large", f"{name}: has {size} bytes, a URDF may have {LARGEST_URDF}")
+    try:
+        root = defusedxml.ElementTree.fromstring(path.read_bytes(), forbid_dtd=True)
+    except DefusedXmlException:
+        sentence = f"{name}: declares a document type, entities or what lies elsewhere; send plain XML"
+        raise Problem("xml-refused", sentence) from None
+    except (ParseError, ValueError, LookupError) as error:
+        raise Problem("xml-refused", f"{name}: is no XML: {error}") from None
+    for element in root.iter():
+        file = element.get("filename")
+        if file is not None and file not in parts:
+            raise Problem(
+                "name-not-allowed",
+                f"{name}: {element.tag} names {_shown(file)}, which did not come along; send it as one of parts, "
+                "or take it out",
+            )
+
+
+def _chosen(form: Form, name: str, choices: Collection[str], default: str) -> str:
+    """A field that has few values; without a default, it must be there."""
+    value = form.text(name, default)
+    if value not in choices:
+        given = f"got {_shown(value)}" if name in form.texts else "it is missing"
+        raise _invalid(f"{name}: expected {' or '.join(choices)}, {given}")
+    return value
+
+
+def _shown(text: str) -> str:
+    """A text that anybody may have sent, as messages show it."""
+    return repr(text if len(text) <= 40 else text[:37] + "...")
+
+
+def _invalid(sentence: str) -> Problem:
+    return Problem("invalid-request", sentence)
