@@ -1,0 +1,194 @@
+import "./results.css";
+import { h } from "./elements";
+import type { AxisReport, Clock, CreatePanel, Failure, Made, Selection, Translate } from "./panels";
+import { ALL, FACTS, QUANTITIES, failureName, failureValue, fixed, limitsOf, plain, shown, type Quantity } from "./quantities";
+import { bar, facts, link, numeric, table, words } from "./tables";
+
+// Failures in the table; beyond them it gives a count.
+const SHOWN_FAILURES = 500;
+const HEADLINES = {
+  lay: ["max_position_error_mm", "max_roller_tilt_deg", "duration_s", "blocks", "tape_used_mm"],
+  spray: ["max_position_error_mm", "max_deviation_deg", "duration_s", "blocks", "coverage_percent"],
+};
+
+/** What is beyond a limit that the setup does not judge by. */
+function beyondUnjudged(made: Made): Quantity[] {
+  const limits = limitsOf(made);
+  return QUANTITIES[made.kind].filter(({ key }) => {
+    const limit = limits.get(key.replace("max_", ""));
+    return limit && !limit.judged && !(Number(made.report[key]) <= limit.value);
+  });
+}
+
+/** Button to the place of a failure; a dash where it has none. */
+function place(failure: Failure, clock: Clock, t: Translate, selection: Selection): Node | string {
+  const { line, point } = failure;
+  const course = Number(failure.course ?? failure["pass"] ?? 0);
+  if (!line && !course) return "–";
+  const parts = line ? [t("place.line", { line })] : [];
+  if (course) parts.push(t("pass" in failure ? "place.pass" : "place.course", { course }));
+  if (course && point) parts.push(t("place.point", { point }));
+  return link(parts.join(", "), t("place.go"), () => {
+    if (course) selection.select(course);
+    if (line) clock.seekLine(line);
+    else clock.seekCourse(course);
+  });
+}
+
+/** The failures with buttons to their places. */
+export function failuresTable(made: Made, clock: Clock, t: Translate, selection: Selection): HTMLElement {
+  const { failures } = made.report;
+  const rows = failures
+    .slice(0, SHOWN_FAILURES)
+    .map((failure) => [
+      failureName(failure, t),
+      failureValue(failure.value, failure.what, t),
+      failure.limit === null ? "–" : failureValue(failure.limit, failure.what, t),
+      place(failure, clock, t, selection),
+    ]);
+  const columns = [words(t("report.what")), numeric(t("report.found")), numeric(t("report.limit")), words(t("report.place"))];
+  const section = h("section", { class: "failures" }, table(t("report.failures", { count: failures.length }), columns, rows));
+  const more = failures.length - rows.length;
+  if (more > 0) section.append(h("p", { class: "note" }, t("report.more", { count: more })));
+  return section;
+}
+
+/** The verdict in one line for the page's head. */
+export const createBadge: CreatePanel = (root, _clock, t) => {
+  let made: Made | null = null;
+  const badge = h("div", { class: "badge", role: "status", testid: "verdict" });
+  root.append(badge);
+
+  function render(): void {
+    badge.hidden = !made;
+    if (!made) return;
+    const { report, kind } = made;
+    const unjudged = beyondUnjudged(made);
+    badge.dataset["verdict"] = report.passed ? (unjudged.length ? "unjudged" : "passed") : "failed";
+    const word = report.passed ? t("verdict.passed") : t("verdict.failed", { count: report.failures.length });
+    const numbers = HEADLINES[kind].map((key) => {
+      const quantity = ALL[kind].find((found) => found.key === key)!;
+      return h("span", {}, `${t(`quantity.${key}`)} `, h("b", {}, shown(report[key], quantity, t)));
+    });
+    const free = unjudged.map(({ key }) => h("span", {}, t("verdict.unjudged", { what: t(`quantity.${key}`) })));
+    badge.replaceChildren(h("strong", {}, word), ...free, ...numbers);
+  }
+
+  render();
+  return {
+    show(next) {
+      made = next;
+      render();
+    },
+    clear() {
+      made = null;
+      render();
+    },
+    retranslate: render,
+  };
+};
+
+function quantitiesTable(made: Made, t: Translate): HTMLElement {
+  const limits = limitsOf(made);
+  const rows = QUANTITIES[made.kind].map((quantity) => {
+    const { key } = quantity;
+    const value = made.report[key];
+    const limit = limits.get(key.replace("max_", ""));
+    const row: (Node | string)[] = [t(`quantity.${key}`), shown(value, quantity, t)];
+    if (!limit) return [...row, "", "", ""];
+    const measured = typeof value === "number";
+    const share = measured ? `${fixed((100 * value) / limit.value, 0)} %` : "";
+    const beyond = !(measured && value <= limit.value);
+    return [
+      ...row,
+      `${plain(limit.value)} ${quantity.unit}`,
+      limit.judged ? share : `${share} ${t("report.not_judged")}`,
+      bar(0, measured ? value : limit.value, 0, limit.value, beyond),
+    ];
+  });
+  const headings = [words(t("report.quantity")), numeric(t("report.found")), numeric(t("report.limit"))];
+  return table(t("report.largest"), [...headings, numeric(t("report.share")), words("")], rows);
+}
+
+function axesTable(made: Made, t: Translate): HTMLElement {
+  // A speed may exceed its limit by the last digit of a feed word: what is red is for the verification to say.
+  const failed = new Set(made.report.failures.map(({ what }) => what));
+  const number = (value: number | null): string => (value === null ? "–" : fixed(value, 2));
+  const drawn = (begin: number | null, end: number | null, low: number, high: number, what: string): Node | string =>
+    begin === null || end === null ? "" : bar(begin, end, low, high, failed.has(what));
+  const row = ([name, axis]: [string, AxisReport]): (Node | string)[] => {
+    const { unit, min, max, max_speed: top } = axis;
+    const [lower, upper, limit] = [axis.lower!, axis.upper!, axis.speed_limit!];
+    return [
+      h("b", {}, name),
+      unit,
+      number(min),
+      number(max),
+      `${plain(lower)} … ${plain(upper)}`,
+      drawn(min, max, lower, upper, `axis_${name}_${unit}`),
+      number(top),
+      plain(limit),
+      drawn(0, top, 0, limit, `axis_${name}_speed_${unit}_per_s`),
+    ];
+  };
+  const columns = [
+    words(t("report.axis")),
+    words(t("report.unit")),
+    numeric(t("report.least")),
+    numeric(t("report.greatest")),
+    numeric(t("report.travel")),
+    words(""),
+    numeric(t("report.top_speed")),
+    numeric(t("report.limit")),
+    words(""),
+  ];
+  return table(t("report.axes"), columns, Object.entries(made.report.axes).map(row));
+}
+
+function factsList(made: Made, t: Translate): HTMLElement {
+  const { report, kind } = made;
+  const pairs: [string, Node | string][] = FACTS[kind].map((quantity) => [
+    t(`quantity.${quantity.key}`),
+    shown(report[quantity.key], quantity, t),
+  ]);
+  for (const [share, percent] of Object.entries((report["time_shares"] ?? {}) as Record<string, number | null>)) {
+    pairs.push([t(`time.${share}`), shown(percent, { key: share, unit: "%", digits: 1 }, t)]);
+  }
+  pairs.push(
+    [t("report.controller"), String(made.setup["output"]?.["controller"])],
+    ["tapelayer", String(report["version"])],
+    [t("report.sha256"), h("code", { testid: "program-sha256" }, report.program_sha256)],
+  );
+  return facts(t("report.program"), pairs);
+}
+
+/** What the verification found: failures, quantities against their limits, axes, facts of the program. */
+export const createVerdict: CreatePanel = (root, clock, t, selection) => {
+  let made: Made | null = null;
+  root.classList.add("results");
+
+  function render(): void {
+    if (!made) {
+      root.replaceChildren(h("p", { class: "empty" }, t("verdict.empty")));
+      return;
+    }
+    root.replaceChildren(quantitiesTable(made, t), axesTable(made, t), factsList(made, t));
+    if (made.report.passed) return;
+    const failures = failuresTable(made, clock, t, selection);
+    failures.dataset["testid"] = "failures";
+    root.prepend(failures);
+  }
+
+  render();
+  return {
+    show(next) {
+      made = next;
+      render();
+    },
+    clear() {
+      made = null;
+      render();
+    },
+    retranslate: render,
+  };
+};
