@@ -1,1 +1,1 @@
-"""Course files to try the commands on: natural paths on analytic surfaces."""
+"""Course files and a model to try the commands on: natural paths, and a panel, on analytic surfaces."""

@@ -1,0 +1,36 @@
+"""Routes asked without a server: an application of one router, with the workbench's own answers to what it refuses."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import httpx
+from fastapi import APIRouter, FastAPI
+from fastapi.exceptions import RequestValidationError
+
+from tapelayer.errors import TapelayerError
+from tapelayer.workbench import server
+from tapelayer.workbench.problems import Problem
+
+
+class Asking:
+    """A client of one router."""
+
+    def __init__(self, router: APIRouter) -> None:
+        self._app = FastAPI()
+        self._app.include_router(router)
+        self._app.add_exception_handler(Problem, server._problem)
+        self._app.add_exception_handler(TapelayerError, server._refused)
+        self._app.add_exception_handler(RequestValidationError, server._invalid)
+
+    def get(self, path: str, **options: Any) -> httpx.Response:
+        return asyncio.run(self._ask("GET", path, options))
+
+    def post(self, path: str, **options: Any) -> httpx.Response:
+        return asyncio.run(self._ask("POST", path, options))
+
+    async def _ask(self, method: str, path: str, options: dict[str, Any]) -> httpx.Response:
+        transport = httpx.ASGITransport(self._app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost/api/v1") as client:
+            return await client.request(method, path, **options)
