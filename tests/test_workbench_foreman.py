@@ -368,24 +368,22 @@ def test_a_server_that_is_killed_loses_what_ran_alone(tmp_path: Path, stand_in: 
 def test_workers_wait_before_there_is_a_job(tmp_path: Path, stand_in: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that died while it waited is not given a job."""
     monkeypatch.setattr(foreman_module, "WARM_AFTER_SECONDS", 0.0)
-
-    def workers() -> set[int]:
-        """Children of this process that wait for an order."""
-        listed = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
-        return {int(child) for child in listed if b"stand_in.py" in Path(f"/proc/{child}/cmdline").read_bytes()}
+    started: list[int] = []
 
     async def scenario(store: Store, foreman: Foreman) -> None:
-        await until(lambda: len(workers()) == 2)
-        dead, alive = sorted(workers())
-        os.kill(dead, signal.SIGKILL)
-        await until(lambda: workers() == {alive})
+        await until(lambda: len(foreman._spares) == 2)
+        dead, alive = foreman._spares
+        os.kill(dead.pid, signal.SIGKILL)
+        await until(lambda: dead.returncode is not None)
         record = add(store, "hold")
         foreman.submit(record)
-        assert await begun(store, record) == alive
-        await until(lambda: len(workers()) == 3)
+        assert await begun(store, record) == alive.pid
+        await until(lambda: len(foreman._spares) == 2)
+        started.extend([alive.pid, *(spare.pid for spare in foreman._spares)])
+        assert len(set(started)) == 3 and not any(gone(process) for process in started)
 
     served(tmp_path / "work", Limits(workers=2), scenario)
-    assert workers() == set()
+    assert len(started) == 3 and all(gone(process) for process in started)
 
 
 def test_a_mistake_of_ours_fails_the_job_with_a_reference(
