@@ -19,13 +19,15 @@ from rich.table import Table
 from post import controllers
 from tapelayer import gantry
 from tapelayer.course import Course, read_courses
-from tapelayer.errors import Fault, ProgramRefused, SetupRefused, TapelayerError
+from tapelayer.entry import run
+from tapelayer.errors import Fault, ProgramRefused, SetupRefused
 from tapelayer.job import Job, Made, machine_of
 from tapelayer.mesh import Unit
 from tapelayer.output import write_files
 from tapelayer.setup import DEG, MM, Setup, default_text, read_setup
 from tapelayer.spray_job import SprayJob, SprayMade
 from tapelayer.spray_setup import SpraySetup
+from tapelayer.workbench import command
 
 app = typer.Typer(
     name="tapelayer",
@@ -242,6 +244,9 @@ def demo(
     output.print(f"open {stem}.html to look at it", highlight=False, soft_wrap=True)
 
 
+app.command(epilog=command.EPILOG)(command.serve)
+
+
 class _Steps:
     """What is under way, on stderr: a progress bar on a terminal, a line a step where asked for.
 
@@ -393,11 +398,5 @@ def _box(courses: Sequence[Course]) -> str:
 
 
 def main() -> None:
-    """Entry point: every error of ours becomes its sentence on stderr and its exit code."""
-    try:
-        app(standalone_mode=True)
-    except TapelayerError as error:
-        sys.stderr.write(f"{error}\n")
-        sys.exit(error.exit_code)
-    except BrokenPipeError:
-        sys.exit(1)
+    """Run the command line."""
+    run(app, sys.argv[1:], "tapelayer")

@@ -71,6 +71,11 @@ def test_nobody_knows_the_command_line() -> None:
     assert not [name for name, others in GRAPH.items() if "tapelayer.cli" in others]
 
 
+def test_only_the_command_line_knows_the_workbench() -> None:
+    rooms = {name for name, others in GRAPH.items() if any(other.startswith("tapelayer.workbench") for other in others)}
+    assert {name for name in rooms if not name.startswith("tapelayer.workbench.")} == {"tapelayer.cli"}
+
+
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_imports_stand_at_the_top(path: Path) -> None:
     tree = ast.parse(path.read_text())

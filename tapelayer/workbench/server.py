@@ -1,0 +1,412 @@
+"""Server: the page, the API and the documents in one application, and how it is served.
+
+The library's rooms take a second to import. What the first view needs answers at once; the rest waits for them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import html
+import logging
+import os
+import signal
+import socket
+import ssl
+import sys
+import threading
+import webbrowser
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import uvicorn
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import HTMLResponse
+from pydantic import BaseModel, Field
+from rich.console import Console
+from starlette.exceptions import HTTPException
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from tapelayer.errors import ServeRefused, TapelayerError
+from tapelayer.workbench.access import (
+    DOCS,
+    LOOPBACK,
+    PROBLEMS,
+    SESSION,
+    SESSION_COOKIE,
+    SESSION_SECONDS,
+    Access,
+    Gate,
+    Guard,
+    client_address,
+    cookie,
+    problem_response,
+)
+from tapelayer.workbench.foreman import Foreman, Limits
+from tapelayer.workbench.problems import CODES, Problem, problem_of, responses
+from tapelayer.workbench.store import Store
+
+STATIC = Path(__file__).parent / "static"
+HEALTH = "/healthz"
+EVERY_ADDRESS = ("0.0.0.0", "::")
+# Each of these rooms has a `router`.
+ROOMS = ("api", "catalogue", "kinematics")
+# An answer under way may be finished after SIGTERM; nothing holds the process for longer than the second.
+GRACE_SECONDS = 2
+END_SECONDS = 4.5
+SHOWN_FAULTS = 20
+
+DOCS_PAGE = """<!doctype html>
+<html lang="en">
+  <head>
+    <meta charset="utf-8">
+    <title>tapelayer API</title>
+    <link rel="icon" href="/icon.svg" type="image/svg+xml">
+    <link rel="stylesheet" href="/swagger/swagger-ui.css">
+    <script src="/swagger/swagger-ui-bundle.js"></script>
+    <script src="/swagger/docs.js"></script>
+  </head>
+  <body>
+    <div id="swagger-ui"></div>
+  </body>
+</html>
+"""
+PROBLEM_PAGE = """<!doctype html>
+<html lang="en">
+  <head><meta charset="utf-8"><title>{title}</title></head>
+  <body>
+    <h1>{title}</h1>
+    <p>{meaning}</p>
+    <p>Code <code>{code}</code>, status {status}.</p>
+  </body>
+</html>
+"""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the workbench is served.
+
+    Attributes:
+        work: the work directory.
+        limits: what jobs may take.
+        host: address it listens on.
+        allowed_hosts: further names that it goes by.
+        token: what clients have to know; None lets everybody in who reaches it.
+        max_upload_mb: size of a request with files.
+        certificate: files of the TLS certificate and its key; None for plain HTTP.
+    """
+
+    work: Path
+    limits: Limits
+    host: str = "127.0.0.1"
+    allowed_hosts: tuple[str, ...] = ()
+    token: str | None = None
+    max_upload_mb: int = 200
+    certificate: tuple[Path, Path] | None = None
+
+    def access(self) -> Access:
+        """What is let in."""
+        names = {self.host, *self.allowed_hosts} - set(EVERY_ADDRESS)
+        files = {f"/{path.relative_to(STATIC).as_posix()}" for path in STATIC.rglob("*") if path.is_file()}
+        return Access(
+            hosts=LOOPBACK | {name.lower() for name in names},
+            open_paths=frozenset({"/", HEALTH, SESSION} | files),
+            secure=self.certificate is not None,
+            max_upload=self.max_upload_mb * 10**6,
+        )
+
+
+class Health(BaseModel):
+    """That the server answers."""
+
+    status: str
+    version: str
+
+
+class Session(BaseModel):
+    """Whether whoever asks may use the API."""
+
+    token_required: bool
+    signed_in: bool
+    version: str
+
+
+class SignIn(BaseModel):
+    """A token."""
+
+    token: Annotated[str, Field(max_length=1000)]
+
+
+class Loading:
+    """Middleware that lets a request wait for the rooms that answer it.
+
+    Args:
+        app: what is waited for.
+        light: paths that are answered without them.
+    """
+
+    def __init__(self, app: ASGIApp, light: frozenset[str]) -> None:
+        self.app, self.light = app, light
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let one connection in when it can be answered."""
+        path = scope.get("path", "/")
+        if path not in self.light and not path.startswith(PROBLEMS):
+            # A client that goes away must not end the loading for all.
+            await asyncio.shield(scope["app"].state.loading)
+        await self.app(scope, receive, send)
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The application; it holds the work directory from now on until its lifespan ends.
+
+    Raises:
+        WorkDirectoryRefused: the directory cannot be used, or another server uses it.
+    """
+    store = Store(settings.work)
+    foreman = Foreman(store, settings.limits)
+    gate = Gate(settings.token)
+    access = settings.access()
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        try:
+            await foreman.start()
+            app.state.loading = asyncio.create_task(_load(app))
+            yield
+            await asyncio.wait([app.state.loading])
+        finally:
+            await foreman.stop()
+            store.close()
+
+    app = FastAPI(
+        title="tapelayer",
+        version=version("tapelayer"),
+        description="Courses and models in, verified NC programs out.",
+        docs_url=None,
+        redoc_url=None,
+        redirect_slashes=False,
+        lifespan=lifespan,
+    )
+    app.state.store, app.state.foreman, app.state.gate, app.state.secure = store, foreman, gate, access.secure
+    app.add_middleware(Loading, light=access.open_paths)
+    app.add_middleware(Guard, access=access, gate=gate)
+    app.add_exception_handler(Problem, _problem)
+    app.add_exception_handler(TapelayerError, _refused)
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(HTTPException, _http)
+    app.add_api_route(HEALTH, health, tags=["server"])
+    app.add_api_route(SESSION, session, tags=["session"])
+    signing_in = responses("wrong-token", "invalid-request", "too-many-attempts", "foreign-origin", "upload-too-large")
+    app.add_api_route(SESSION, sign_in, methods=["POST"], status_code=204, responses=signing_in, tags=["session"])
+    signing_out = responses("foreign-origin")
+    app.add_api_route(SESSION, sign_out, methods=["DELETE"], status_code=204, responses=signing_out, tags=["session"])
+    app.add_api_route(DOCS, docs, include_in_schema=False)
+    app.add_api_route(PROBLEMS + "{code}", meaning, include_in_schema=False)
+    app.router.default = StaticFiles(directory=STATIC, html=True)
+    return app
+
+
+async def health() -> Health:
+    """Whether the server answers."""
+    return Health(status="ok", version=version("tapelayer"))
+
+
+async def session(request: Request) -> Session:
+    """Whether a token is required, and whether whoever asks is signed in."""
+    required: bool = request.app.state.gate.closed
+    return Session(token_required=required, signed_in=request.state.signed_in, version=version("tapelayer"))
+
+
+async def sign_in(request: Request, body: SignIn) -> Response:
+    """Make a session with the token; its cookie signs the page in for 12 hours."""
+    gate: Gate = request.app.state.gate
+    if not gate.closed:
+        return Response(status_code=204)
+    gate.check(body.token, client_address(request.scope))
+    made = cookie(SESSION_COOKIE, gate.session(), SESSION_SECONDS, request.app.state.secure)
+    return Response(status_code=204, headers={"Set-Cookie": made})
+
+
+async def sign_out(request: Request) -> Response:
+    """Take the session's cookie away."""
+    gone = cookie(SESSION_COOKIE, "", 0, request.app.state.secure)
+    return Response(status_code=204, headers={"Set-Cookie": gone})
+
+
+async def docs() -> HTMLResponse:
+    """The API's description as a page."""
+    return HTMLResponse(DOCS_PAGE)
+
+
+async def meaning(code: str) -> HTMLResponse:
+    """What a problem's code means."""
+    if code not in CODES:
+        raise Problem("not-found", f"{code[:100]!r} is not the code of a problem")
+    kind = CODES[code]
+    facts = {"title": kind.title, "meaning": kind.meaning, "code": code, "status": str(kind.status)}
+    return HTMLResponse(PROBLEM_PAGE.format(**{name: html.escape(text) for name, text in facts.items()}))
+
+
+def serve(settings: Settings, port: int, open_page: bool) -> None:
+    """Serve until a signal ends it.
+
+    Args:
+        settings: how.
+        port: 0 for any free one.
+        open_page: open the page in a browser.
+
+    Raises:
+        TapelayerError: it cannot be served so.
+    """
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    if settings.certificate:
+        _check_certificate(*settings.certificate)
+    listening = _listening(settings.host, port)
+    # uvicorn raises the signal once more when it has ended.
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))
+    try:
+        app = create_app(settings)
+        certificate, key = settings.certificate or (None, None)
+        config = uvicorn.Config(
+            app,
+            ssl_certfile=certificate,
+            ssl_keyfile=key,
+            ws="none",
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+            timeout_graceful_shutdown=GRACE_SECONDS,
+        )
+        server = _Server(config, app.state.foreman, _address(settings, listening), open_page)
+        server.run([listening])
+    except KeyboardInterrupt:
+        sys.exit(0)
+    finally:
+        listening.close()
+
+
+class _Server(uvicorn.Server):
+    """uvicorn with a prompt end, event streams included.
+
+    Args:
+        config: of uvicorn.
+        foreman: ends the streams when it stops.
+        address: of the page.
+        open_page: open it in a browser.
+    """
+
+    def __init__(self, config: uvicorn.Config, foreman: Foreman, address: str, open_page: bool) -> None:
+        super().__init__(config)
+        self._foreman, self._address, self._open_page = foreman, address, open_page
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start, and say where."""
+        await super().startup(sockets)
+        Console().print(f"workbench: {self._address} (Ctrl+C ends it)", highlight=False, soft_wrap=True)
+        if self._open_page:
+            threading.Thread(target=webbrowser.open, args=(self._address,), daemon=True).start()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End the jobs, then what waits for them."""
+        await self._foreman.stop()
+        await super().shutdown(sockets)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """End, whatever may still be under way then."""
+        super().handle_exit(sig, frame)
+        last = threading.Timer(END_SECONDS, os._exit, (1,))
+        last.daemon = True
+        last.start()
+
+
+async def _load(app: FastAPI) -> None:
+    """Take in the routes of the rooms that import the library."""
+    for room in ROOMS:
+        module = await asyncio.to_thread(import_module, f"tapelayer.workbench.{room}")
+        app.include_router(module.router)
+
+
+async def _problem(request: Request, error: Exception) -> Response:
+    assert isinstance(error, Problem)
+    return problem_response(error)
+
+
+async def _refused(request: Request, error: Exception) -> Response:
+    assert isinstance(error, TapelayerError)
+    return problem_response(problem_of(error))
+
+
+async def _invalid(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    sentences = [f"{_place(fault['loc'])}: {fault['msg']}" for fault in error.errors()]
+    faults = [{"line": 0, "column": 0, "sentence": sentence} for sentence in sentences[:SHOWN_FAULTS]]
+    detail = "\n".join(sentences[:SHOWN_FAULTS])
+    return problem_response(Problem("invalid-request", detail, faults=faults, fault_count=len(sentences)))
+
+
+async def _http(request: Request, error: Exception) -> Response:
+    """What the framework itself answers, in our words."""
+    assert isinstance(error, HTTPException)
+    # A body that is too large shows while the framework reads it.
+    if isinstance(error.__cause__, Problem):
+        return problem_response(error.__cause__)
+    asked = f"{request.method} {request.url.path[:200]}"
+    if error.status_code in (401, 404):
+        return problem_response(Problem("not-found", f"there is nothing at {request.url.path[:200]}"))
+    if error.status_code == 405:
+        allowed = (error.headers or {}).get("Allow", "")
+        detail = f"{asked}: this address allows {allowed}"
+        return problem_response(Problem("method-not-allowed", detail, {"Allow": allowed}))
+    return problem_response(Problem("invalid-request", f"{asked}: {error.detail}"))
+
+
+def _place(location: Sequence[str | int]) -> str:
+    """Where in a request something stands, as in values[3][0]."""
+    parts = location[1:] if location[0] in ("body", "query", "path", "header", "cookie") and location[1:] else location
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    """A socket that listens.
+
+    Raises:
+        ServeRefused: the address or the port cannot be had.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        advice = "stop what uses it, or choose another with --port; 0 takes any free one"
+        raise ServeRefused(f"cannot listen on port {port} of {host}: {reason}; {advice}") from None
+
+
+def _check_certificate(certificate: Path, key: Path) -> None:
+    """Refuse a certificate and key that TLS cannot use.
+
+    Raises:
+        ServeRefused: they are missing, wrong, do not belong together, or want a passphrase.
+    """
+    try:
+        ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key, lambda: "")
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        wanted = "both have to be PEM files, the key without a passphrase and the certificate's own"
+        raise ServeRefused(f"TLS cannot use {certificate} with {key}: {reason}; {wanted}") from None
+
+
+def _address(settings: Settings, listening: socket.socket) -> str:
+    """Where the page is, as somebody at this machine reaches it."""
+    host = "localhost" if settings.host in EVERY_ADDRESS else settings.host
+    scheme = "https" if settings.certificate else "http"
+    return f"{scheme}://{f'[{host}]' if ':' in host else host}:{listening.getsockname()[1]}/"
