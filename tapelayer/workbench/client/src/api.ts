@@ -185,6 +185,12 @@ export async function sourceFile({ id, name }: Job): Promise<File> {
   return new File([await (await ask(`/jobs/${id}/source`)).blob()], name);
 }
 
+/** A file that came along with a job, by its name; null where none of that name did. */
+export async function partFile({ id }: Job, name: string): Promise<File | null> {
+  const response = await unless(["not-found"], ask(`/jobs/${id}/parts/${encodeURIComponent(name)}`));
+  return response && new File([await response.blob()], name);
+}
+
 export async function jobs(): Promise<Job[]> {
   return (await askJson<{ jobs: Job[] }>("/jobs")).jobs;
 }
@@ -215,7 +221,7 @@ export function createJob(request: Request, signal: AbortSignal): Promise<Job> {
 
 export interface Watch {
   onState(job: Job): void;
-  onProgress(progress: number, stage: string | null): void;
+  onProgress(progress: number, stage: string): void;
 }
 
 /** Follows a job to its end; gives the job as it ended. */
@@ -243,16 +249,20 @@ export function watchJob(id: string, watch: Watch, signal: AbortSignal): Promise
   });
 }
 
+/** The values that a job's setup sets. */
+export async function jobSetup({ id, kind }: Job): Promise<SetupValues> {
+  return parseSetup(kind, await (await ask(`/jobs/${id}/setup`)).text());
+}
+
 /** Everything a finished or judged-bad job made that the page shows at once; the rest comes when asked for. */
 export async function load(made: Job): Promise<Made> {
   const path = `/jobs/${made.id}`;
-  const toml = await (await ask(`${path}/setup`)).text();
-  const report = await askJson<Report>(`${path}/report.json`);
-  const kind: Kind = made.kind === "verify" ? ("tape" in report ? "lay" : "spray") : made.kind;
-  const [poses, blocks, changed, schema, program] = await Promise.all([
+  const { kind } = made;
+  const [report, poses, blocks, changed, schema, program] = await Promise.all([
+    askJson<Report>(`${path}/report.json`),
     table(made.id, "poses"),
     askJson<Blocks>(`${path}/blocks`),
-    parseSetup(kind, toml),
+    jobSetup(made),
     setupSchema(kind),
     unless(["program-withheld"], ask(`${path}/program`).then((response) => response.text())),
   ]);

@@ -15,7 +15,8 @@ export interface Import {
   readonly mould: File | null;
   readonly parts: File[];
   readonly unit: string;
-  take(source: Source, kind: Kind): void;
+  /** Takes the file of a job and what came along with it. */
+  bring(source: Source, kind: Kind, parts: File[]): void;
   clear(): void;
   askForFile(): void;
   /** Asks the server for its examples. */
@@ -168,7 +169,11 @@ export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, on
     get unit() {
       return unit.value;
     },
-    take,
+    bring(next, nextKind, others) {
+      parts = others;
+      mould = null;
+      take(next, nextKind);
+    },
     clear() {
       source = null;
       mould = null;

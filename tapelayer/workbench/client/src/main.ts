@@ -1,6 +1,269 @@
 import "./tokens.css";
 import "./style.css";
-import { setLanguage, currentLanguage, t } from "./i18n";
+import * as api from "./api";
+import { h, translateAll } from "./elements";
+import { createForm } from "./form";
+import { createHelp } from "./help";
+import { currentLanguage, LANGUAGES, setLanguage, t, type Language } from "./i18n";
+import { createImport } from "./importing";
+import { createJobList } from "./jobs";
+import { createLayout } from "./layout";
+import { createLedger } from "./ledger";
+import { createNotice } from "./notice";
+import type { Job, Kind, Made, Panel, SetupValues } from "./panels";
+import { createPlayer } from "./player";
+import { createPlots } from "./plots";
+import { createProgram } from "./program";
+import { createRunning } from "./running";
+import { createScene } from "./scene";
+import { startShortcuts } from "./shortcuts";
+import { startSession } from "./signing";
+import { createSelection } from "./state";
+import { currentTheme, setTheme, startTheme, THEMES, type Theme } from "./theme";
+import { createBadge, createVerdict } from "./verdict";
+
+const DOWNLOADS = ["report.json", "report.html", "setup"] as const;
 
 setLanguage(currentLanguage());
+startTheme(() => panels.forEach((panel) => panel.retheme?.()));
+
+const app = document.getElementById("app")!;
+const layout = createLayout(app);
+const selection = createSelection();
+const notice = createNotice(layout.notice);
+const help = createHelp();
+
+const badge = h("div", { class: "badge-place" });
+const shown = h("output", { testid: "job-name", class: "job-name" });
+const downloads = h("nav", { class: "downloads", tLabel: "downloads" });
+const language = h("select", { testid: "language", tLabel: "language" });
+const theme = h("select", { testid: "theme", tLabel: "theme" });
+language.append(...Object.entries(LANGUAGES).map(([value, name]) => h("option", { value, lang: value }, name)));
+theme.append(...THEMES.map((value) => h("option", { value, t: `theme.${value}` })));
+language.value = currentLanguage();
+theme.value = currentTheme();
+language.addEventListener("change", () => retranslate(language.value as Language));
+theme.addEventListener("change", () => setTheme(theme.value as Theme));
+const settings = h("div", { class: "settings" }, language, theme);
+layout.header.append(
+  h("h1", {}, "tapelayer"),
+  shown,
+  badge,
+  downloads,
+  h("button", { type: "button", testid: "clear", t: "clear", tTitle: "clear.about", onclick: () => clear() }),
+  h("button", { type: "button", testid: "help", t: "help", onclick: () => help.showModal() }),
+  settings,
+);
+
+const player = createPlayer(layout.player, t);
+const { clock } = player;
+const scene = createScene(layout.scene, clock, t, selection);
+const program = createProgram(layout.program, clock, t, selection);
+const panels: Panel[] = [
+  player,
+  scene,
+  program,
+  createBadge(badge, clock, t, selection),
+  createVerdict(layout.tab("verdict"), clock, t, selection),
+  createPlots(layout.tab("plots"), clock, t, selection),
+  createLedger(layout.tab("ledger"), clock, t, selection),
+];
+
+let controllers: api.Controller[] = [];
+let current: string | null = null;
+let made: Made | null = null;
+
+const importRoot = h("section", { class: "import" });
+const formRoot = h("div", { testid: "setup-form", class: "form" });
+const runRoot = h("section", { class: "run" });
+const input = createImport(importRoot, changeKind, notice.report);
+const form = createForm(formRoot, () => controllers, () => input.parts.map(({ name }) => name));
+const running = createRunning(runRoot, () => void generate(), notice.report);
+const list = createJobList(layout.tab("jobs"), (id) => void open(id), (id) => id === current && clear(), notice.report);
+layout.onTab((name) => name === "jobs" && list.refresh());
+
+const loader = h("input", { type: "file", id: "load-setup", testid: "load-setup", accept: ".toml", class: "hidden-input" });
+loader.addEventListener("change", () => void loadSetup());
+layout.left.append(
+  importRoot,
+  h(
+    "section",
+    { class: "setup" },
+    h(
+      "header",
+      {},
+      h("h2", { t: "setup" }),
+      h("span", { class: "picker" }, loader, h("label", { for: "load-setup", class: "button", t: "setup.load" })),
+      h("button", { type: "button", testid: "save-setup", t: "setup.save", onclick: () => void saveSetup() }),
+      h("button", { type: "button", testid: "reset-setup", t: "setup.reset", onclick: () => form.write({}) }),
+    ),
+    formRoot,
+  ),
+  runRoot,
+);
+
+function changeKind(kind: Kind): void {
+  form.show(kind).catch(notice.report);
+  if (!made) scene.idle(kind);
+}
+
+async function loadSetup(): Promise<void> {
+  const [file] = loader.files ?? [];
+  loader.value = "";
+  if (!file) return;
+  try {
+    form.write(await api.parseSetup(input.kind, await file.text()));
+    notice.clear();
+  } catch (error) {
+    refused(error);
+  }
+}
+
+async function saveSetup(): Promise<void> {
+  try {
+    const text = await api.formatSetup(input.kind, form.values());
+    const url = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
+    h("a", { href: url, download: `${input.kind}.toml` }).click();
+    URL.revokeObjectURL(url);
+  } catch (error) {
+    refused(error);
+  }
+}
+
+function refused(error: unknown): void {
+  if (error instanceof api.Refused) form.faults(error.problem.faults ?? []);
+  notice.report(error);
+}
+
+async function generate(): Promise<void> {
+  if (!input.source) {
+    notice.show({ type: "", title: "", status: 0, code: "no-file", detail: t("problem.no-file.detail") });
+    input.askForFile();
+    return;
+  }
+  if (!form.check()) return;
+  const { kind, unit, mould, parts } = input;
+  const values = form.values();
+  try {
+    const setup = Object.keys(values).length ? await api.formatSetup(kind, values) : "";
+    const file = await input.source.file();
+    notice.clear();
+    const end = await running.run({ file, kind, setup, unit, mould, parts }, accepted);
+    await ended(end);
+  } catch (error) {
+    refused(error);
+  }
+}
+
+/** The address names the job from now on: a reload or a colleague finds it there. */
+function accepted(job: Job): void {
+  current = job.id;
+  location.hash = `job=${job.id}`;
+  list.current(job.id);
+  list.refresh();
+}
+
+async function ended(job: Job): Promise<void> {
+  list.refresh();
+  const judgedBad = job.error?.code === "verification-failed";
+  if (job.state === "done" || judgedBad) await show(job);
+  if (job.error && !judgedBad) notice.show(job.error);
+  form.faults(job.error?.faults ?? []);
+}
+
+async function show(job: Job): Promise<void> {
+  const loaded = await api.load(job);
+  // Meanwhile somebody may have gone on to another job.
+  if (job.id !== current) return;
+  made = loaded;
+  selection.select(0);
+  for (const panel of panels) panel.show(loaded);
+  drawHeader();
+}
+
+/** Shows a job with its file and its parameters, and follows it where it is under way. */
+async function open(id: string): Promise<void> {
+  current = id;
+  running.leave();
+  notice.clear();
+  try {
+    const job = await api.job(id);
+    const setup = await api.jobSetup(job);
+    const parts = await Promise.all(namesIn(setup).map((name) => api.partFile(job, name)));
+    if (id !== current) return;
+    accepted(job);
+    const source = { name: job.name, file: () => api.sourceFile(job) };
+    input.bring(source, job.kind, parts.filter((part) => part !== null));
+    await form.show(job.kind);
+    form.write(setup);
+    const under = job.state === "queued" || job.state === "running";
+    await ended(under ? await running.follow(job) : job);
+  } catch (error) {
+    notice.report(error);
+  }
+}
+
+/** Values of a setup that may name files which came along. */
+function namesIn({ machine, output, footprint }: SetupValues): string[] {
+  const named = [machine?.["urdf"], output?.["controller"], footprint?.["profile"]];
+  return named.filter((name) => typeof name === "string" && !controllers.some((each) => each.name === name)) as string[];
+}
+
+function drawHeader(): void {
+  shown.textContent = made?.job.name ?? "";
+  shown.title = made ? `${made.job.name} · ${made.job.id}` : "";
+  const links = DOWNLOADS.map((what) => {
+    const testid = `download-${what.replace(".", "-")}`;
+    return h("a", { href: made!.url(what), download: "", testid, class: "button", t: `download.${what}` });
+  });
+  downloads.replaceChildren(...(made ? links : []));
+}
+
+function clear(): void {
+  running.leave();
+  current = null;
+  made = null;
+  history.replaceState(null, "", location.pathname);
+  notice.clear();
+  input.clear();
+  list.current("");
+  selection.select(0);
+  for (const panel of panels) panel.clear();
+  scene.idle(input.kind);
+  drawHeader();
+}
+
+function retranslate(next: Language): void {
+  setLanguage(next);
+  document.title = t("page.title");
+  translateAll(document.body);
+  for (const each of [...panels, notice, form, input, running, list]) each.retranslate();
+}
+
+function fromAddress(): string | undefined {
+  return /^#job=([0-9a-f]{32})$/.exec(location.hash)?.[1];
+}
+
+startShortcuts(clock, {
+  search: () => program.openSearch(),
+  generate: () => void generate(),
+  help: () => help.showModal(),
+  tab: layout.showTab,
+});
+
+addEventListener("hashchange", () => {
+  const id = fromAddress();
+  if (id && id !== current) void open(id);
+});
+
 document.title = t("page.title");
+startSession(settings, () => {
+  scene.idle(input.kind);
+  input.start();
+  form.show(input.kind).catch(notice.report);
+  void (async () => {
+    controllers = await api.controllers();
+    const id = fromAddress();
+    if (id) await open(id);
+  })().catch(notice.report);
+}).catch(notice.report);

@@ -46,11 +46,11 @@ export interface Summary {
 
 export interface Job {
   id: string;
-  kind: "lay" | "spray" | "verify";
+  kind: Kind;
   name: string;
   state: State;
   progress: number;
-  stage: string | null;
+  stage: string;
   created_at: string;
   summary: Summary | null;
   error: Problem | null;
