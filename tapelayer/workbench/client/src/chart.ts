@@ -56,9 +56,10 @@ export function axes(): uPlot.Axis[] {
   const common = { stroke: colour("--dim"), font: `${0.6875 * rem}px system-ui, sans-serif`, grid, ticks: { ...grid, size: 4 } };
   const values = (_: uPlot, ticks: number[], _axis: number, _space: number, step: number): string[] =>
     ticks.map((tick) => (tick + 0).toFixed(decimals(step)));
+  const widest = (ticks: string[] | null): number => Math.max(4, ...(ticks ?? []).map(({ length }) => length));
   return [
     { ...common, values, size: 1.4 * rem, gap: 2, space: 3.5 * rem },
-    { ...common, values, size: 3.4 * rem, gap: 3, space: 1.4 * rem },
+    { ...common, values, size: (_, ticks) => (0.43 * widest(ticks) + 0.8) * rem, gap: 3, space: 1.4 * rem },
   ];
 }
 

@@ -41,12 +41,13 @@ export function failuresTable(made: Made, clock: Clock, t: Translate, selection:
   const rows = failures
     .slice(0, SHOWN_FAILURES)
     .map((failure) => [
+      place(failure, clock, t, selection),
       failureName(failure, t),
       failureValue(failure.value, failure.what, t),
       failure.limit === null ? "–" : failureValue(failure.limit, failure.what, t),
-      place(failure, clock, t, selection),
     ]);
-  const columns = [words(t("report.what")), numeric(t("report.found")), numeric(t("report.limit")), words(t("report.place"))];
+  const values = [numeric(t("report.found")), numeric(t("report.limit"))];
+  const columns = [words(t("report.place")), words(t("report.what")), ...values];
   const section = h("section", { class: "failures" }, table(t("report.failures", { count: failures.length }), columns, rows));
   const more = failures.length - rows.length;
   if (more > 0) section.append(h("p", { class: "note" }, t("report.more", { count: more })));
