@@ -94,8 +94,9 @@ async def ended(foreman: Foreman, record: Record) -> Record:
 
 
 async def begun(store: Store, record: Record) -> int:
-    """Process of a job that holds."""
+    """Process of a job that holds, and has been heard."""
     await until((store.folder(record.id) / "begun").exists)
+    await until(lambda: store.get(record.id).stage == "planning")
     return int((store.folder(record.id) / "pid").read_text())
 
 
