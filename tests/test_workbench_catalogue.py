@@ -113,6 +113,12 @@ def test_only_the_keys_that_are_set_are_parsed() -> None:
     }
 
 
+@pytest.mark.parametrize("kind", MODELS)
+def test_an_empty_setup_sets_nothing(kind: str) -> None:
+    response = CLIENT.post(f"/setup/parse?kind={kind}", content=b"", headers={"Content-Type": "text/plain"})
+    assert (response.status_code, response.json()) == (200, {"values": {}})
+
+
 @pytest.mark.parametrize(
     ("kind", "text", "fault"),
     [

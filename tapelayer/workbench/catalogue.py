@@ -175,7 +175,7 @@ def setup_schema(kind: JobKind) -> dict[str, Any]:
 
 
 @router.post("/setup/parse", responses=responses("setup-refused", "invalid-request"))
-def parse(kind: JobKind, text: Annotated[bytes, Body(media_type="text/plain")]) -> SetupValues:
+def parse(kind: JobKind, text: Annotated[bytes, Body(media_type="text/plain")] = b"") -> SetupValues:
     """Read a setup's TOML: only the keys that it sets."""
     return SetupValues(values=values_of(text, kind))
 
