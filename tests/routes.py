@@ -18,11 +18,11 @@ class Asking:
     """A client of one router."""
 
     def __init__(self, router: APIRouter) -> None:
-        self._app = FastAPI()
-        self._app.include_router(router)
-        self._app.add_exception_handler(Problem, server._problem)
-        self._app.add_exception_handler(TapelayerError, server._refused)
-        self._app.add_exception_handler(RequestValidationError, server._invalid)
+        self.app = FastAPI()
+        self.app.include_router(router)
+        self.app.add_exception_handler(Problem, server._problem)
+        self.app.add_exception_handler(TapelayerError, server._refused)
+        self.app.add_exception_handler(RequestValidationError, server._invalid)
 
     def get(self, path: str, **options: Any) -> httpx.Response:
         return asyncio.run(self._ask("GET", path, options))
@@ -31,6 +31,6 @@ class Asking:
         return asyncio.run(self._ask("POST", path, options))
 
     async def _ask(self, method: str, path: str, options: dict[str, Any]) -> httpx.Response:
-        transport = httpx.ASGITransport(self._app)
+        transport = httpx.ASGITransport(self.app)
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost/api/v1") as client:
             return await client.request(method, path, **options)
