@@ -13,7 +13,7 @@ import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.errors import ModelRefused
-from tapelayer.machine import CHUNK, Machine
+from tapelayer.machine import CHUNK, Machine, cosine_and_sine
 
 # The order of every pose here: d1, d2, d3, theta4, theta5.
 POSE = ("x", "y", "z", "c", "a")
@@ -314,8 +314,8 @@ def _slides_to(
 
 
 def _sines(joints: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    theta4, theta5 = joints[:, 3], joints[:, 4]
-    return np.sin(theta4), np.cos(theta4), np.sin(theta5), np.cos(theta5)
+    (cos4, cos5), (sin4, sin5) = cosine_and_sine(joints[:, 3:5].T)
+    return sin4, cos4, sin5, cos5
 
 
 def _check_rows(points: Floats, normals: Floats, tangents: Floats) -> None:

@@ -6,6 +6,8 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,11 +69,10 @@ class _Joint(NamedTuple):
     revolute: bool
     scaling: float
     offset: float
-    still: Floats
-    cosine: Floats
-    sine: Floats
-    origin: Floats
-    slide: Floats
+    still: Columns
+    cosine: Sequence[float]
+    sine: Sequence[float]
+    slide: Sequence[float]
 
 
 class _Frame(NamedTuple):
@@ -109,7 +110,7 @@ class Machine:
         column_of = {int(model.idx_qs[model.getJointId(axis.name)]): column for column, axis in enumerate(axes)}
         return Machine(path, axes, model, _joints(path, model, column_of), _frames(model))
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the axes in column order."""
         return tuple(axis.name for axis in self.axes)
@@ -314,9 +315,8 @@ def _check_axis(path: Path, axis: Axis) -> None:
 
 def _joints(path: Path, model: pinocchio.Model, column_of: Mapping[int, int]) -> tuple[_Joint, ...]:
     neutral = pinocchio.neutral(model)
-    nothing = np.zeros((3, 3))
     # Joint 0 is the root: it never moves and is never evaluated.
-    joints = [_Joint(0, 0, False, 1.0, 0.0, np.eye(3), nothing, nothing, np.zeros(3), np.zeros(3))]
+    joints = [_Joint(0, 0, False, 1.0, 0.0, _STILL, (), (), ())]
     for index in range(1, model.njoints):
         joint = model.joints[index]
         state = joint.createData()
@@ -342,10 +342,9 @@ def _joints(path: Path, model: pinocchio.Model, column_of: Mapping[int, int]) ->
                 revolute=revolute,
                 scaling=scaling,
                 offset=offset,
-                still=_snapped(rotation @ projector if revolute else rotation),
+                still=_constant(rotation @ projector if revolute else rotation, origin),
                 cosine=_snapped(rotation @ (np.eye(3) - projector)),
                 sine=_snapped(rotation @ pinocchio.skew(axis)),
-                origin=_snapped(origin),
                 slide=_snapped(rotation @ linear),
             )
         )
@@ -358,68 +357,72 @@ def _frames(model: pinocchio.Model) -> dict[str, _Frame]:
         # A link and a joint may share a name: the link is meant.
         if frame.name not in frames or frame.type == pinocchio.FrameType.BODY:
             placement = frame.placement
-            frames[frame.name] = _Frame(
-                int(frame.parentJoint), _constant(_snapped(placement.rotation), _snapped(placement.translation))
-            )
+            frames[frame.name] = _Frame(int(frame.parentJoint), _constant(placement.rotation, placement.translation))
     return frames
 
 
 def _frame_index(model: pinocchio.Model, name: str) -> int:
-    same = [index for index, frame in enumerate(model.frames) if frame.name == name]
-    links = [index for index in same if model.frames[index].type == pinocchio.FrameType.BODY]
-    return (links or same)[0]
+    link = pinocchio.FrameType.BODY
+    return int(model.getFrameId(name, link) if model.existFrame(name, link) else model.getFrameId(name))
 
 
-def _snapped(values: Floats) -> Floats:
-    nearest = np.round(values)
-    return np.where(np.abs(values - nearest) <= _ROUNDING, nearest, values)
+def _snapped(values: Floats) -> list[float]:
+    """Entries, row by row, of values of any shape."""
+    entries: list[float] = values.ravel().tolist()
+    return [float(round(entry)) if abs(entry - round(entry)) <= _ROUNDING else entry for entry in entries]
 
 
 def _constant(rotation: Floats, translation: Floats) -> Columns:
-    rows: list[list[float]] = rotation.tolist()
-    return Columns(tuple((row[0], row[1], row[2]) for row in rows), tuple(translation.tolist()))
+    rows = _rows(_snapped(rotation))
+    return Columns(_UNTURNED if rows == _UNTURNED else rows, tuple(_snapped(translation)))
 
 
-_STILL = _constant(np.eye(3), np.zeros(3))
+def _rows(entries: Sequence[Entry]) -> tuple[tuple[Entry, Entry, Entry], ...]:
+    """Rows of a rotation matrix of its nine entries."""
+    return tuple((entries[i], entries[i + 1], entries[i + 2]) for i in (0, 3, 6))
+
+
+# A rotation that is none is this very object, so that it can be known.
+_UNTURNED = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_STILL = Columns(_UNTURNED, (0.0, 0.0, 0.0))
 
 
 def _moved(joint: _Joint, column: Floats) -> Columns:
     """The joint's placement in its parent for (n,) values of its axis."""
     value: Entry = _sum(_product(joint.scaling, column), joint.offset)
+    rotation, origin = joint.still
     if not joint.revolute:
-        still = _constant(joint.still, joint.origin)
-        shift = joint.slide.tolist()
-        return Columns(
-            still.rotation, tuple(_sum(p, _product(s, value)) for p, s in zip(still.translation, shift, strict=True))
-        )
-    # One tangent instead of a cosine and a sine: NumPy vectorises it best, and both stay within 4e-16.
-    half = np.tan(0.5 * value)
-    share = 2.0 / (1.0 + half * half)
-    cosine, sine = share - 1.0, half * share
+        return Columns(rotation, tuple(_sum(p, _product(s, value)) for p, s in zip(origin, joint.slide, strict=True)))
+    cosine, sine = cosine_and_sine(np.asarray(value))
     entries = [
         _sum(_sum(still, _product(c, cosine)), _product(s, sine))
-        for still, c, s in zip(
-            joint.still.ravel().tolist(), joint.cosine.ravel().tolist(), joint.sine.ravel().tolist(), strict=True
-        )
+        for still, c, s in zip(chain.from_iterable(rotation), joint.cosine, joint.sine, strict=True)
     ]
-    rows = tuple((entries[i], entries[i + 1], entries[i + 2]) for i in (0, 3, 6))
-    return Columns(rows, tuple(joint.origin.tolist()))
+    return Columns(_rows(entries), origin)
+
+
+def cosine_and_sine(angles: Floats) -> tuple[Floats, Floats]:
+    """Cosines and sines of angles of any shape in radians, within 4e-16.
+
+    They are made from one tangent, which NumPy vectorises best.
+    """
+    half = np.tan(0.5 * angles)
+    share = 2.0 / (1.0 + half * half)
+    return share - 1.0, half * share
 
 
 def _compose(parent: Columns, child: Columns) -> Columns:
     # Unrolled over the entries, not the samples: zeros and ones fold away before any array is touched.
-    turned = tuple(
-        (
-            _dot(row, [line[0] for line in child.rotation]),
-            _dot(row, [line[1] for line in child.rotation]),
-            _dot(row, [line[2] for line in child.rotation]),
-        )
-        for row in parent.rotation
-    )
+    if parent.rotation is _UNTURNED:
+        return Columns(child.rotation, tuple(map(_sum, parent.translation, child.translation)))
     moved = tuple(
         _sum(start, _dot(row, child.translation))
         for start, row in zip(parent.translation, parent.rotation, strict=True)
     )
+    if child.rotation is _UNTURNED:
+        return Columns(parent.rotation, moved)
+    columns = tuple(zip(*child.rotation, strict=True))
+    turned = tuple((_dot(row, columns[0]), _dot(row, columns[1]), _dot(row, columns[2])) for row in parent.rotation)
     return Columns(turned, moved)
 
 
