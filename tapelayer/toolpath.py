@@ -89,7 +89,9 @@ class Curve:
 
     def at_knots(self) -> tuple[Floats, Floats, Floats]:
         """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at the toolpath's samples."""
-        return self._toolpath.points, self._toolpath.normals, _unit(self._slope(self.knots)[:, :3])
+        # A piece of the spline has its slope at its begin as a coefficient.
+        tangents = np.vstack([self._spline.c[2, :, :3], self._slope(self.knots[-1:])[:, :3]])
+        return self._toolpath.points, self._toolpath.normals, _unit(tangents)
 
     def at(self, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
         """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at (n,) arc lengths in metres."""
