@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from tapelayer.evidence import Evidence
 from tapelayer.laying import plan
 from tapelayer.machine import Machine
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
-from tapelayer.provenance import Provenance
+from tapelayer.provenance import VERSION, Provenance
 from tapelayer.setup import Setup
 from tapelayer.trajectory import Trajectory
 from tapelayer.verification import Inspector
@@ -77,7 +76,7 @@ class Job:
             source=Path(name).name,
             source_sha256=hashlib.sha256(data).hexdigest(),
             setup_sha256=setup.sha256(machine.path.read_bytes()),
-            version=version("tapelayer"),
+            version=VERSION,
         )
         return Job(parse_courses(data, name), setup, machine, controller, provenance)
 

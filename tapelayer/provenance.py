@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.metadata import version
 
 from tapelayer.errors import Fault, ProgramOfOtherSetup
+
+VERSION = version("tapelayer")
 
 
 @dataclass(frozen=True)

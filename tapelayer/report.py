@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from rich.text import Text
 from tapelayer.arrays import Floats, Ints
 from tapelayer.evidence import CutMade, Evidence, TapeLedger
 from tapelayer.findings import AxisUse, number
+from tapelayer.provenance import VERSION
 from tapelayer.quantities import FACTS, QUANTITIES, absent, plain, shown
 from tapelayer.setup import DEG, MM
 
@@ -73,7 +73,7 @@ def numbers(evidence: Evidence, program_sha256: str) -> dict[str, Any]:
         {"course": 0, "point": 0, "what": what, "value": None, "limit": None} for what in lost if what not in told
     ]
     return {
-        "version": version("tapelayer"),
+        "version": VERSION,
         "courses": evidence.courses,
         "points": evidence.points,
         "blocks": evidence.blocks,

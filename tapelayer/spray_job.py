@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from tapelayer.machine import Machine
 from tapelayer.mesh import Mesh, Unit, parse_mesh
 from tapelayer.passes import Plan, plan_passes
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
-from tapelayer.provenance import Provenance
+from tapelayer.provenance import VERSION, Provenance
 from tapelayer.reach import Reach, placed, placement
 from tapelayer.setup import MM
 from tapelayer.spray_evidence import SprayEvidence
@@ -92,7 +91,7 @@ class SprayJob:
             source=mesh.name,
             source_sha256=mesh.sha256,
             setup_sha256=setup.sha256(machine.path.read_bytes(), profile),
-            version=version("tapelayer"),
+            version=VERSION,
             notes=(f"model in {unit}", *setup.process.notes()),
         )
         return SprayJob(mesh, setup, machine, controller, provenance)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from tapelayer.coat import Coat
 from tapelayer.findings import number
 from tapelayer.mesh import Mending, Mesh
 from tapelayer.passes import Plan
+from tapelayer.provenance import VERSION
 from tapelayer.quantities import plain, shown
 from tapelayer.setup import DEG, MM
 from tapelayer.spray_evidence import SprayEvidence
@@ -92,7 +92,7 @@ def numbers(judged: Judged) -> dict[str, Any]:
     }
     areas = (("facing", plan.facing), ("hidden", plan.hidden), ("travel", plan.travel))
     return {
-        "version": version("tapelayer"),
+        "version": VERSION,
         "passes": evidence.passes,
         "points": evidence.points,
         "layers": evidence.layers,
