@@ -205,6 +205,7 @@ class ProgramView implements ProgramPanel {
     });
     clock.onChange(() => this.ask());
     selection.onChange((course) => this.showCourse(course));
+    this.close();
     this.retranslate();
   }
 
@@ -222,7 +223,7 @@ class ProgramView implements ProgramPanel {
     });
     const { doc } = this.editor.state;
     this.stretches = stretchesOf(made.blocks, doc.toJSON());
-    this.select.append(new Option("", "0"), ...this.stretches.map(({ course }) => new Option("", String(course))));
+    this.select.append(...this.stretches.map(({ course }) => new Option("", String(course))));
     this.render();
     this.follow(true);
   }
@@ -259,7 +260,7 @@ class ProgramView implements ProgramPanel {
     this.editor = null;
     this.made = null;
     this.stretches = [];
-    this.select.replaceChildren();
+    this.select.replaceChildren(new Option("", "0"));
   }
 
   /** The program where there is one, else why there is none. */
