@@ -18,9 +18,9 @@ function local(moment: string): string {
   return `${day} ${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}`;
 }
 
-function outcome(job: Job): string {
-  if (job.state !== "failed") return t(`state.${job.state}`);
-  return job.error?.code === "verification-failed" ? t("state.judged-bad") : t("state.failed");
+/** Key of the word for a job's state. */
+export function stateKey({ state, error }: Job): string {
+  return error?.code === "verification-failed" ? "state.judged-bad" : `state.${state}`;
 }
 
 /** The caller's own jobs: open one, share its address, take it away. */
@@ -42,7 +42,7 @@ export function createJobList(root: HTMLElement, open: (id: string) => void, rem
     };
     const name = h("a", { href: `#job=${job.id}`, onclick: () => open(job.id) }, job.name);
     const removing = h("button", { type: "button", class: "quiet", testid: "job-delete", t: "jobs.delete", onclick: () => void remove().catch(failed) });
-    const cells = [t(`kind.${job.kind}`), outcome(job), job.summary ? String(job.summary.blocks) : "", local(job.created_at)];
+    const cells = [t(`kind.${job.kind}`), t(stateKey(job)), job.summary ? String(job.summary.blocks) : "", local(job.created_at)];
     const element = h(
       "tr",
       { testid: "job", "data-id": job.id, class: job.id === opened ? "opened" : "" },

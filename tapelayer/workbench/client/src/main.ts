@@ -22,7 +22,7 @@ import { createSelection } from "./state";
 import { currentTheme, setTheme, startTheme, THEMES, type Theme } from "./theme";
 import { createBadge, createVerdict } from "./verdict";
 
-const DOWNLOADS = ["report.json", "report.html", "setup"] as const;
+const DOWNLOADS = ["report.html", "report.json", "setup"] as const;
 
 setLanguage(currentLanguage());
 startTheme(() => panels.forEach((panel) => panel.retheme?.()));
@@ -167,7 +167,7 @@ async function ended(job: Job): Promise<void> {
   list.refresh();
   const judgedBad = job.error?.code === "verification-failed";
   if (job.state === "done" || judgedBad) await show(job);
-  if (job.error && !judgedBad) notice.show(job.error);
+  if (job.state === "failed" && job.error && !judgedBad) notice.show(job.error);
   form.faults(job.error?.faults ?? []);
 }
 
@@ -175,10 +175,9 @@ async function show(job: Job): Promise<void> {
   const loaded = await api.load(job);
   // Meanwhile somebody may have gone on to another job.
   if (job.id !== current) return;
-  made = loaded;
   selection.select(0);
   for (const panel of panels) panel.show(loaded);
-  drawHeader();
+  drawHeader(loaded);
 }
 
 /** Shows a job with its file and its parameters, and follows it where it is under way. */
@@ -209,20 +208,29 @@ function namesIn({ machine, output, footprint }: SetupValues): string[] {
   return named.filter((name) => typeof name === "string" && !controllers.some((each) => each.name === name)) as string[];
 }
 
-function drawHeader(): void {
-  shown.textContent = made?.job.name ?? "";
-  shown.title = made ? `${made.job.name} · ${made.job.id}` : "";
+function fileName({ name }: Job, what: (typeof DOWNLOADS)[number]): string {
+  return `${name.replace(/\.\w+$/, "")}.${what === "setup" ? "toml" : what.replace("report.", "")}`;
+}
+
+function drawHeader(loaded: Made | null): void {
+  made = loaded;
+  shown.textContent = loaded?.job.name ?? "";
+  shown.title = loaded ? `${loaded.job.name} · ${loaded.job.id}` : "";
+  if (!loaded) {
+    downloads.replaceChildren();
+    return;
+  }
   const links = DOWNLOADS.map((what) => {
     const testid = `download-${what.replace(".", "-")}`;
-    return h("a", { href: made!.url(what), download: "", testid, class: "button", t: `download.${what}` });
+    const texts = { t: `download.${what}`, tTitle: `download.${what}.about` };
+    return h("a", { href: loaded.url(what), download: fileName(loaded.job, what), testid, class: "button", ...texts });
   });
-  downloads.replaceChildren(...(made ? links : []));
+  downloads.replaceChildren(...links);
 }
 
 function clear(): void {
   running.leave();
   current = null;
-  made = null;
   history.replaceState(null, "", location.pathname);
   notice.clear();
   input.clear();
@@ -230,7 +238,7 @@ function clear(): void {
   selection.select(0);
   for (const panel of panels) panel.clear();
   scene.idle(input.kind);
-  drawHeader();
+  drawHeader(null);
 }
 
 function retranslate(next: Language): void {

@@ -1,6 +1,7 @@
 import { cancelJob, createJob, watchJob, type Request } from "./api";
 import { h } from "./elements";
 import { t } from "./i18n";
+import { stateKey } from "./jobs";
 import type { Job } from "./panels";
 
 export interface Running {
@@ -37,7 +38,8 @@ export function createRunning(root: HTMLElement, generate: () => void, failed: (
   const draw = (): void => {
     const busy = leaving !== null;
     start.disabled = busy;
-    stop.hidden = !busy;
+    // Whoever was given a job's address may follow it, and no more.
+    stop.hidden = !busy || running?.mine === false;
     bar.hidden = !busy;
     bar.value = progress;
     word.textContent = stage && (busy && progress ? `${t(stage)} ${Math.floor(progress * 100)} %` : t(stage));
@@ -47,7 +49,7 @@ export function createRunning(root: HTMLElement, generate: () => void, failed: (
   const told = (job: Job): void => {
     running = job;
     progress = job.progress;
-    stage = job.state === "running" && job.stage ? `stage.${job.stage}` : `state.${job.state}`;
+    stage = job.state === "running" && job.stage ? `stage.${job.stage}` : stateKey(job);
     draw();
   };
 
@@ -70,7 +72,7 @@ export function createRunning(root: HTMLElement, generate: () => void, failed: (
         },
         mine.signal,
       );
-      stage = `state.${end.state}`;
+      stage = stateKey(end);
       return end;
     } catch (error) {
       if (leaving === mine) stage = "";
