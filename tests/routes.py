@@ -7,11 +7,8 @@ from typing import Any
 
 import httpx
 from fastapi import APIRouter, FastAPI
-from fastapi.exceptions import RequestValidationError
 
-from tapelayer.errors import TapelayerError
-from tapelayer.workbench import server
-from tapelayer.workbench.problems import Problem
+from tapelayer.workbench.server import answer_problems
 
 
 class Asking:

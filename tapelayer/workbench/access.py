@@ -11,7 +11,8 @@ import re
 import secrets
 import time
 from collections import OrderedDict
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
@@ -47,7 +48,6 @@ MAX_JSON_DEPTH = 64
 # A string of JSON, also one without an end; it is never looked at twice, whatever is sent.
 JSON_STRING = re.compile(rb'"[^"\\]*+(?:\\.[^"\\]*+)*+"?', re.DOTALL)
 NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
-# A client that is not listened to does not hear why it was refused: so much more is taken in, and thrown away.
 DRAIN_SECONDS = 5.0
 
 TRIES = 10
@@ -170,14 +170,15 @@ class Guard:
             await self.app(scope, receive, send)
             return
         scope = {**scope, "state": {**scope.get("state", {})}}
-        answer = _Answer(send, _headers_of(scope["path"]), scope["method"] == "HEAD")
+        body = _Body(scope, receive, self.access.max_upload)
+        answer = _Answer(send, _headers_of(scope["path"]), body, scope["method"] == "HEAD")
         try:
             self._let_in(scope, answer)
             # Whoever asks for the head of an answer asks for that answer without its body.
             if answer.head_only:
                 await self.app({**scope, "method": "GET"}, answer.receive, answer.send)
             else:
-                await self.app(scope, await self._bounded(scope, receive), answer.send)
+                await self.app(scope, await body.checked(), answer.send)
         except Problem as problem:
             if answer.begun.is_set():
                 raise
@@ -225,29 +226,78 @@ class Guard:
             return True
         return self.gate.holds(cookies.get(SESSION_COOKIE, ""))
 
-    async def _bounded(self, scope: Scope, receive: Receive) -> Receive:
-        """The request's body with its limits.
+
+class _Body:
+    """A request's body with its limits.
+
+    Args:
+        scope: of the request.
+        receive: from the client.
+        max_upload: bytes of a body with files.
+    """
+
+    def __init__(self, scope: Scope, receive: Receive, max_upload: int) -> None:
+        headers = Headers(scope=scope)
+        media_type = headers.get("content-type", "").partition(";")[0].strip().lower()
+        length = headers.get("content-length", "")
+        self._receive = receive
+        self._json = media_type == "application/json" or media_type.endswith("+json")
+        self._limit = max_upload if media_type == "multipart/form-data" else MAX_JSON_BYTES
+        self._length = int(length) if length.isdecimal() else 0
+        self._count = 0
+        self._more = self._length > 0 or "transfer-encoding" in headers
+        # Such a client waits for a word before it sends anything.
+        self._waits = headers.get("expect", "").lower() == "100-continue"
+
+    async def checked(self) -> Receive:
+        """The body, with what can be said of it already.
 
         Raises:
             Problem: it is too large, or its JSON is too deep.
         """
-        headers = Headers(scope=scope)
-        media_type = headers.get("content-type", "").partition(";")[0].strip().lower()
-        limit = self.access.max_upload if media_type == "multipart/form-data" else MAX_JSON_BYTES
-        # Such a client waits for a word before it sends anything.
-        waits = headers.get("expect", "").lower() == "100-continue"
-        length = headers.get("content-length", "")
-        if length.isdecimal() and int(length) > limit:
-            if not waits:
-                await _drain(receive, limit)
-            raise _too_large(limit)
-        bounded = _counted(receive, limit)
-        if media_type != "application/json" and not media_type.endswith("+json"):
-            return bounded
-        body = b"".join([chunk async for chunk in _chunks(bounded)])
+        if self._length > self._limit:
+            raise self._too_large()
+        if not self._json:
+            return self.receive
+        chunks = []
+        while self._more:
+            chunks.append((await self.receive()).get("body", b""))
+        body = b"".join(chunks)
         if json_depth(body) > MAX_JSON_DEPTH:
             raise Problem("invalid-request", f"the JSON is more than {MAX_JSON_DEPTH} levels deep")
-        return _again(body, receive)
+        return _again(body, self._receive)
+
+    async def receive(self) -> Message:
+        """What comes next.
+
+        Raises:
+            Problem: more than the limit has come.
+        """
+        message = await self._next()
+        if self._count > self._limit:
+            raise self._too_large()
+        return message
+
+    async def drain(self) -> None:
+        """Take in what the client still sends: whoever is cut short while sending does not hear why.
+
+        It is thrown away, and ends after as much as the limit, and after a while.
+        """
+        most = self._count + self._limit
+        with suppress(TimeoutError):
+            async with asyncio.timeout(DRAIN_SECONDS):
+                while self._more and self._count < most and not (self._waits and not self._count):
+                    await self._next()
+
+    async def _next(self) -> Message:
+        message = await self._receive()
+        self._count += len(message.get("body", b""))
+        self._more = message.get("more_body", False)
+        return message
+
+    def _too_large(self) -> Problem:
+        detail = f"the request has more than {self._limit / 1e6:g} MB, the limit"
+        return Problem("upload-too-large", detail, limit_bytes=self._limit)
 
 
 class _Answer:
@@ -256,11 +306,12 @@ class _Answer:
     Args:
         send: to the client.
         headers: for every answer that does not have them.
+        body: of the request.
         head_only: send no body.
     """
 
-    def __init__(self, send: Send, headers: Mapping[str, str], head_only: bool) -> None:
-        self._send, self._headers = send, headers
+    def __init__(self, send: Send, headers: Mapping[str, str], body: _Body, head_only: bool) -> None:
+        self._send, self._headers, self._body = send, headers, body
         self.head_only = head_only
         self.begun = asyncio.Event()
         self.cookie = ""
@@ -269,6 +320,7 @@ class _Answer:
     async def send(self, message: Message) -> None:
         """Send a message of the answer."""
         if message["type"] == "http.response.start":
+            await self._body.drain()
             headers = MutableHeaders(scope=message)
             for name, value in self._headers.items():
                 headers.setdefault(name, value)
@@ -374,48 +426,6 @@ def _owner_key(headers: Headers, cookies: Mapping[str, str]) -> tuple[str, bool]
         raise Problem("invalid-request", f"{OWNER_HEADER} has to be the owner_key of an earlier answer, 32 hex digits")
     key = sent or cookies.get(OWNER_COOKIE, "")
     return (key, False) if OWNER_KEY.fullmatch(key) else (secrets.token_hex(16), True)
-
-
-def _too_large(limit: int) -> Problem:
-    return Problem("upload-too-large", f"the request has more than {limit / 1e6:g} MB, the limit", limit_bytes=limit)
-
-
-def _counted(receive: Receive, limit: int) -> Receive:
-    """The body, refused as soon as it has more bytes than its limit."""
-    count = 0
-
-    async def counted() -> Message:
-        nonlocal count
-        message = await receive()
-        count += len(message.get("body", b""))
-        if count > limit:
-            if message.get("more_body", False):
-                await _drain(receive, limit)
-            raise _too_large(limit)
-        return message
-
-    return counted
-
-
-async def _drain(receive: Receive, limit: int) -> None:
-    """Take in what a client still sends, up to as much again and for a while."""
-    try:
-        async with asyncio.timeout(DRAIN_SECONDS):
-            async for chunk in _chunks(receive):
-                limit -= len(chunk)
-                if limit < 0:
-                    return
-    except TimeoutError:
-        return
-
-
-async def _chunks(receive: Receive) -> AsyncIterator[bytes]:
-    """What is left of a body."""
-    more = True
-    while more:
-        message = await receive()
-        yield message.get("body", b"")
-        more = message.get("more_body", False)
 
 
 def _again(body: bytes, receive: Receive) -> Receive:

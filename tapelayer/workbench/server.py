@@ -199,10 +199,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.store, app.state.foreman, app.state.gate, app.state.secure = store, foreman, gate, access.secure
     app.add_middleware(Loading, light=access.open_paths)
     app.add_middleware(Guard, access=access, gate=gate)
-    app.add_exception_handler(Problem, _problem)
-    app.add_exception_handler(TapelayerError, _refused)
-    app.add_exception_handler(RequestValidationError, _invalid)
-    app.add_exception_handler(HTTPException, _http)
+    answer_problems(app)
     app.add_api_route(HEALTH, health, tags=["server"])
     app.add_api_route(SESSION, session, tags=["session"])
     signing_in = responses("wrong-token", "invalid-request", "too-many-attempts", "foreign-origin", "upload-too-large")
@@ -213,6 +210,14 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_api_route(PROBLEMS + "{code}", meaning, include_in_schema=False)
     app.router.default = StaticFiles(directory=STATIC, html=True)
     return app
+
+
+def answer_problems(app: FastAPI) -> None:
+    """Let an application tell what its routes refuse, and what the framework does, as problem details."""
+    app.add_exception_handler(Problem, _problem)
+    app.add_exception_handler(TapelayerError, _refused)
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(HTTPException, _http)
 
 
 async def health() -> Health:
@@ -386,9 +391,10 @@ def _listening(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((host, port), family=family)
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
+        # The system's words, without the address that Python adds to them.
+        reason = str(error.strerror or error).partition(" (while")[0]
         advice = "stop what uses it, or choose another with --port; 0 takes any free one"
-        raise ServeRefused(f"cannot listen on port {port} of {host}: {reason}; {advice}") from None
+        raise ServeRefused(f"cannot listen on port {port} of {host}: {reason.lower()}; {advice}") from None
 
 
 def _check_certificate(certificate: Path, key: Path) -> None:
