@@ -19,7 +19,8 @@ import type { Axis, Motion } from "./motion";
 const MM = 1e-3;
 const DEG = Math.PI / 180;
 
-const MATERIAL = new MeshLambertMaterial({ vertexColors: true });
+const SOLID = new MeshLambertMaterial({ vertexColors: true });
+const GHOST = new MeshLambertMaterial({ vertexColors: true, transparent: true, opacity: 0.12, depthWrite: false });
 
 /** A machine's model; every link is one mesh, and the joints go where the axes say. Metres. */
 export class Machine3D {
@@ -72,6 +73,15 @@ export class Machine3D {
     this.robot.joints[joint]?.setJointValue(value);
   }
 
+  /** Makes the frame and what the linear axes carry solid, or lets one look through them at what is made. */
+  ghost(through: boolean): void {
+    const nodes: Object3D[] = [this.robot];
+    for (let node = nodes.pop(); node; node = nodes.pop()) {
+      if (node instanceof Mesh) node.material = through ? GHOST : SOLID;
+      nodes.push(...node.children.filter((child) => !isJoint(child) || !turns(child)));
+    }
+  }
+
   frame(name: string): Object3D | undefined {
     return this.robot.frames[name];
   }
@@ -121,7 +131,9 @@ interface Drive {
 }
 
 const isJoint = (node: Object3D): node is URDFJoint => "isURDFJoint" in node;
-const isMimic = (node: URDFJoint): node is URDFMimicJoint => "isURDFMimicJoint" in node;
+const isMimic = (node: URDFJoint): node is URDFMimicJoint => "mimicJoint" in node;
+
+const turns = (joint: URDFJoint): boolean => joint.jointType === "revolute" || joint.jointType === "continuous";
 
 function scaleOf(axis: Axis): number {
   return axis.revolute ? DEG : MM;
@@ -139,7 +151,7 @@ function driveOf(node: Object3D, motion: Motion): Drive {
     along: node.axis,
     factor: scaleOf(motion.axes[axis]!) * (mimic ? node.multiplier : 1),
     offset: mimic ? node.offset : 0,
-    turns: node.jointType !== "prismatic",
+    turns: turns(node),
   };
 }
 
@@ -154,7 +166,7 @@ function merge(link: Object3D): void {
     });
     link.remove(visual);
   }
-  if (parts.length) link.add(new Mesh(mergeGeometries(parts), MATERIAL));
+  if (parts.length) link.add(new Mesh(mergeGeometries(parts), SOLID));
   for (const part of parts) part.dispose();
 }
 

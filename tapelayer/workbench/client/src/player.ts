@@ -132,9 +132,9 @@ function control(testid: string, key: string, sign: string, onclick: () => void)
 /** Clock of the page with its transport bar and the readout of the axes. */
 export const createPlayer: CreatePlayer = (root, t) => {
   const player = new Player();
-  const back = control("step-back", "player.back", "⏮", () => player.step(-1));
+  const back = control("step-back", "player.back", "❙◀", () => player.step(-1));
   const play = control("play", "player.play", "▶", () => player.toggle());
-  const forward = control("step-forward", "player.forward", "⏭", () => player.step(1));
+  const forward = control("step-forward", "player.forward", "▶❙", () => player.step(1));
   const scrub = h("input", {
     ...{ type: "range", min: 0, max: 0, step: "any", value: 0, testid: "scrub" },
     ...{ tTitle: "player.scrub", tLabel: "player.scrub" },
@@ -170,7 +170,7 @@ export const createPlayer: CreatePlayer = (root, t) => {
     const { motion, row, time, done } = player;
     if (play.dataset["playing"] !== String(player.playing)) {
       play.dataset["playing"] = String(player.playing);
-      play.textContent = player.playing ? "⏸" : "▶";
+      play.textContent = player.playing ? "❙❙" : "▶";
       play.dataset["tTitle"] = play.dataset["tLabel"] = player.playing ? "player.pause" : "player.play";
       translateAll(root);
     }

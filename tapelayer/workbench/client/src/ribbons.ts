@@ -5,7 +5,6 @@ import {
   DoubleSide,
   DynamicDrawUsage,
   Group,
-  Line,
   LineBasicMaterial,
   LineSegments,
   Mesh,
@@ -20,10 +19,24 @@ import type { Table } from "./panels";
 const MM = 1e-3;
 // Tape is drawn so far above the surface, metres: more than a coarse mould is off it in most places.
 const LIFT = 0.4e-3;
+// While something moves, this many pairs are drawn at most, but for those at the ends of courses, where the cuts are.
+const MOVING_PAIRS = 12_000;
+const CUT = 4;
+// A pair that is this share of the widest is no part of a cut.
+const FULL = 0.999;
 // Neighbours differ a little, so that one sees where a course ends.
-const TAPE = [linear([46, 58, 72]), linear([74, 91, 110])];
+const TAPE = [linear([52, 88, 126]), linear([92, 132, 172])];
 const SHADES = linear(ERRORS);
 const RED = linear(BEYOND);
+
+/** The quads of the tape between some of its pairs. */
+interface Weave {
+  indices: Uint32Array;
+  /** Quads up to every pair. */
+  quads: Int32Array;
+  /** Pair at which the last of these quads ends. */
+  ends: Int32Array;
+}
 
 interface Course {
   number: number;
@@ -38,12 +51,16 @@ export class Ribbons {
   readonly box = new Box3();
   readonly courses: readonly Course[];
   private readonly times: Float32Array;
-  private readonly quads: Int32Array;
+  private readonly fine: Weave;
+  private readonly coarse: Weave;
   private readonly corners: Float32Array;
   private readonly laid: Mesh<BufferGeometry>;
+  private readonly rough: Mesh<BufferGeometry>;
   private readonly chosen: Mesh<BufferGeometry>;
   private readonly tip: Mesh<BufferGeometry>;
-  private readonly line: Line<BufferGeometry>;
+  private readonly ahead: LineSegments<BufferGeometry>;
+  private readonly line: LineSegments<BufferGeometry>;
+  private readonly paths: Int32Array;
   private readonly tapeColours: Uint8Array;
   private readonly materials = {
     tape: new MeshLambertMaterial({ vertexColors: true, side: DoubleSide }),
@@ -61,51 +78,61 @@ export class Ribbons {
     this.corners = cornersOf(table);
     const normals = normalsOf(this.corners, this.courses);
     for (let value = 0; value < this.corners.length; value++) this.corners[value]! += LIFT * normals[value]!;
-    this.quads = new Int32Array(pairs);
-    const indices = this.woven();
+    this.paths = new Int32Array(pairs);
+    this.fine = woven(this.courses, pairs, 1);
+    this.coarse = woven(this.courses, pairs, Math.ceil(pairs / MOVING_PAIRS));
     this.tapeColours = new Uint8Array(6 * pairs);
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(this.corners, 3));
     geometry.setAttribute("normal", new BufferAttribute(normals, 3));
     geometry.setAttribute("color", new BufferAttribute(this.tapeColours, 3, true));
-    geometry.setIndex(new BufferAttribute(indices, 1));
+    geometry.setIndex(new BufferAttribute(this.fine.indices, 1));
+    const rough = shared(geometry).setIndex(new BufferAttribute(this.coarse.indices, 1));
     this.laid = new Mesh(geometry, this.materials.tape);
+    this.rough = new Mesh(rough, this.materials.tape);
     this.chosen = new Mesh(shared(geometry), this.materials.chosen);
     this.tip = new Mesh(tipGeometry(), this.materials.tape);
     const middles = new BufferAttribute(middlesOf(this.corners), 3);
-    this.line = new Line(new BufferGeometry().setAttribute("position", middles), this.materials.line);
     const paths = new BufferGeometry().setAttribute("position", middles).setIndex(this.segments());
+    this.line = new LineSegments(shared(paths), this.materials.line);
     for (const course of this.courses) {
       for (let corner = 2 * course.first; corner < 2 * course.end; corner++) {
         course.box.expandByPoint(POINT.fromArray(this.corners, 3 * corner));
       }
       this.box.union(course.box);
     }
-    this.object.add(new LineSegments(paths, this.materials.path), this.line, this.laid, this.chosen, this.tip);
+    this.ahead = new LineSegments(paths, this.materials.path);
+    this.object.add(this.ahead, this.line, this.laid, this.rough, this.chosen, this.tip);
     for (const child of this.object.children) child.frustumCulled = false;
     this.colourByCourse();
     this.select(0);
   }
 
-  /** Shows the tape that is laid at a time. */
-  show(time_s: number): void {
+  /** Shows the tape that is laid at a time, more coarsely while it moves, and the centre lines ahead. */
+  show(time_s: number, moving: boolean): void {
     // Pairs of equal time are laid together.
     let pair = lowerBound(this.times, time_s) - 1;
     while (pair + 1 < this.times.length && this.times[pair + 1]! <= time_s) pair += 1;
+    this.laid.visible = !moving;
+    this.rough.visible = moving;
     if (pair !== this.pair) {
       this.pair = pair;
-      this.laid.geometry.setDrawRange(0, pair < 0 ? 0 : 6 * this.quads[pair]!);
+      for (const [mesh, { quads }] of [[this.laid, this.fine], [this.rough, this.coarse]] as const) {
+        mesh.geometry.setDrawRange(0, pair < 0 ? 0 : 6 * quads[pair]!);
+      }
+      this.ahead.geometry.setDrawRange(pair < 0 ? 0 : this.paths[pair]!, Infinity);
       this.choose();
     }
-    this.moveTip(time_s);
+    this.moveTip(time_s, moving ? this.coarse : this.fine);
   }
 
   /** Marks a course; 0 is none. */
   select(number: number): void {
     this.selected = this.courses.find((course) => course.number === number);
-    const { first, end } = this.selected ?? { first: 0, end: 0 };
-    this.line.geometry.setDrawRange(first, end - first);
-    this.line.visible = end > first;
+    const { first, end } = this.selected ?? { first: 0, end: 1 };
+    const begin = this.paths[first]!;
+    this.line.geometry.setDrawRange(begin, this.paths[end - 1]! - begin);
+    this.line.visible = this.selected !== undefined;
     this.choose();
   }
 
@@ -123,14 +150,13 @@ export class Ribbons {
    * @param times seconds, ascending. @param errors at these times. @param most end of the ramp. @param limit of errors.
    */
   colourBy(times: Float32Array, errors: Float32Array, most: number, limit: number): void {
+    let sample = 0;
     for (let pair = 0; pair < this.times.length; pair++) {
-      const sample = Math.min(lowerBound(times, this.times[pair]!), Math.max(times.length - 1, 0));
+      while (sample + 1 < times.length && times[sample]! < this.times[pair]!) sample += 1;
       const error = errors[sample] ?? Number.NaN;
       // What was not measured keeps no limit.
-      const place = placeOf(error, most);
-      const colour = error <= limit ? SHADES.subarray(place, place + 3) : RED;
-      this.tapeColours.set(colour, 6 * pair);
-      this.tapeColours.set(colour, 6 * pair + 3);
+      const [colours, place] = error <= limit ? [SHADES, placeOf(error, most)] : [RED, 0];
+      for (let value = 0; value < 6; value++) this.tapeColours[6 * pair + value] = colours[place + (value % 3)]!;
     }
     this.coloured();
   }
@@ -154,7 +180,7 @@ export class Ribbons {
 
   dispose(): void {
     for (const child of this.object.children) {
-      if (child instanceof Mesh || child instanceof Line) child.geometry.dispose();
+      if (child instanceof Mesh || child instanceof LineSegments) child.geometry.dispose();
     }
     for (const material of Object.values(this.materials)) material.dispose();
   }
@@ -171,57 +197,51 @@ export class Ribbons {
     const last = Math.min(this.pair, end - 1);
     this.chosen.visible = last > first;
     if (last > first) {
-      this.chosen.geometry.setDrawRange(6 * this.quads[first]!, 6 * (this.quads[last]! - this.quads[first]!));
+      const { quads } = this.fine;
+      this.chosen.geometry.setDrawRange(6 * quads[first]!, 6 * (quads[last]! - quads[first]!));
     }
   }
 
-  /** The piece between the last pair that is laid and the nip. */
-  private moveTip(time_s: number): void {
+  /** The piece between what is drawn of the tape and the nip. */
+  private moveTip(time_s: number, { ends }: Weave): void {
     const [last, next] = [this.pair, this.pair + 1];
-    const course = this.table.data;
-    const width = this.table.columns.length;
+    const { data, columns } = this.table;
     const column = this.table.index("course");
-    const under = last >= 0 && next < this.times.length;
-    this.tip.visible = under && course[last * width + column] === course[next * width + column];
+    const inside = last >= 0 && next < this.times.length;
+    this.tip.visible = inside && data[last * columns.length + column] === data[next * columns.length + column];
     if (!this.tip.visible) return;
+    const from = 6 * ends[last]!;
     const share = (time_s - this.times[last]!) / (this.times[next]! - this.times[last]!);
     const { position, normal, color } = this.tip.geometry.attributes as Record<string, BufferAttribute>;
     const normals = this.laid.geometry.getAttribute("normal").array;
     for (let value = 0; value < 6; value++) {
       const [begin, end] = [this.corners[6 * last + value]!, this.corners[6 * next + value]!];
-      position!.array[value] = begin;
+      position!.array[value] = this.corners[from + value]!;
       position!.array[6 + value] = begin + (end - begin) * share;
-      normal!.array[value] = normal!.array[6 + value] = normals[6 * last + value]!;
-      color!.array[value] = color!.array[6 + value] = this.tapeColours[6 * last + value]!;
+      normal!.array[value] = normal!.array[6 + value] = normals[from + value]!;
+      color!.array[value] = color!.array[6 + value] = this.tapeColours[from + value]!;
     }
     for (const attribute of [position!, normal!, color!]) attribute.needsUpdate = true;
   }
 
-  /** Two triangles between each pair and the next of its course; counts the quads before every pair. */
-  private woven(): Uint32Array {
-    const indices = new Uint32Array(6 * Math.max(this.table.rows - this.courses.length, 0));
-    let quads = 0;
+  /** Pieces of the centre lines, between pairs of full width; counts the indices before every pair. */
+  private segments(): BufferAttribute {
+    const indices: number[] = [];
     for (const { first, end } of this.courses) {
-      this.quads[first] = quads;
+      const widths = Array.from({ length: end - first }, (_, row) => this.width(first + row));
+      const full = FULL * widths.reduce((most, width) => Math.max(most, width), 0);
+      this.paths[first] = indices.length;
       for (let pair = first; pair + 1 < end; pair++) {
-        const [left, right] = [2 * pair, 2 * pair + 1];
-        indices.set([left, right, left + 2, right, right + 2, left + 2], 6 * quads);
-        this.quads[pair + 1] = ++quads;
+        // At a slanted cut the middle of the edges is not the middle of the tape.
+        if (Math.min(widths[pair - first]!, widths[pair + 1 - first]!) >= full) indices.push(pair, pair + 1);
+        this.paths[pair + 1] = indices.length;
       }
     }
-    return indices;
+    return new BufferAttribute(Uint32Array.from(indices), 1);
   }
 
-  private segments(): BufferAttribute {
-    const indices = new Uint32Array(2 * Math.max(this.table.rows - this.courses.length, 0));
-    let value = 0;
-    for (const { first, end } of this.courses) {
-      for (let pair = first; pair + 1 < end; pair++) {
-        indices[value++] = pair;
-        indices[value++] = pair + 1;
-      }
-    }
-    return new BufferAttribute(indices, 1);
+  private width(pair: number): number {
+    return A.fromArray(this.corners, 6 * pair).distanceTo(B.fromArray(this.corners, 6 * pair + 3));
   }
 
   private coloured(): void {
@@ -289,10 +309,32 @@ function normalsOf(corners: Float32Array, courses: readonly Course[]): Float32Ar
   return normals;
 }
 
+/** Quads between every so many pairs of each course, and around the pairs next to its ends, where the cuts are. */
+function woven(courses: readonly Course[], pairs: number, stride: number): Weave {
+  const quads = new Int32Array(pairs);
+  const ends = new Int32Array(pairs);
+  const indices = new Uint32Array(6 * pairs);
+  let count = 0;
+  for (const { first, end } of courses) {
+    let last = first;
+    for (let pair = first; pair < end; pair++) {
+      const kept = (pair - first) % stride === 0 || pair < first + CUT || pair >= end - CUT;
+      if (kept && pair > first) {
+        const [left, next] = [2 * last, 2 * pair];
+        indices.set([left, left + 1, next, left + 1, next + 1, next], 6 * count++);
+      }
+      if (kept) last = pair;
+      quads[pair] = count;
+      ends[pair] = last;
+    }
+  }
+  return { indices: indices.slice(0, 6 * count), quads, ends };
+}
+
 /** A geometry of the same vertices that draws a range of its own. */
 function shared(geometry: BufferGeometry): BufferGeometry {
   const other = new BufferGeometry();
-  for (const name of ["position", "normal"]) other.setAttribute(name, geometry.getAttribute(name));
+  for (const [name, values] of Object.entries(geometry.attributes)) other.setAttribute(name, values);
   return other.setIndex(geometry.index);
 }
 

@@ -63,7 +63,13 @@ class ScenePicture implements ScenePanel {
     this.followed.setAttribute("aria-pressed", "false");
     this.colouring.hidden = true;
     root.append(this.canvas, tools, this.legends, this.label, this.message);
-    this.view = new View(root, this.canvas, (lost) => this.say(lost ? t("scene.lost") : ""), () => this.update());
+    this.view = new View(
+      root,
+      this.canvas,
+      (lost) => this.say(lost ? t("scene.lost") : ""),
+      (moving) => this.update(moving),
+      () => clock.playing,
+    );
     this.view.controls.addEventListener("start", () => this.leave());
     clock.onChange(() => this.view.draw());
     selection.onChange((course) => {
@@ -126,14 +132,13 @@ class ScenePicture implements ScenePanel {
     stage.select(this.selection.course);
     this.colouring.hidden = !stage.measured;
     this.colour();
-    this.update();
     this.look("iso", !stage.work.isEmpty());
   }
 
   /** Brings everything to the clock's time. */
-  private update(): void {
+  private update(moving: boolean): void {
     if (!this.stage) return;
-    this.stage.at(this.clock.row, this.clock.time);
+    this.stage.at(this.clock.row, this.clock.time, moving);
     if (this.followed.ariaPressed !== "true") return;
     this.stage.object.updateMatrixWorld();
     const place = this.stage.tool(this.point);
@@ -146,6 +151,7 @@ class ScenePicture implements ScenePanel {
     this.close = close;
     const { work, machine } = this.stage;
     const near = close && !work.isEmpty();
+    machine.ghost(near);
     this.view.look(direction, near ? work : new Box3().setFromObject(machine.robot));
   }
 

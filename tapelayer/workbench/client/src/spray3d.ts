@@ -42,8 +42,8 @@ export class Coat {
     geometry.computeVertexNormals();
     const material = new MeshLambertMaterial({
       ...{ vertexColors: true, side: DoubleSide },
-      // The part below is drawn coarser than it is.
-      ...{ polygonOffset: true, polygonOffsetFactor: -4, polygonOffsetUnits: -64 },
+      // The lines of the passes lie on it.
+      ...{ polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 8 },
     });
     this.object = new Mesh(geometry, material);
     this.object.frustumCulled = false;

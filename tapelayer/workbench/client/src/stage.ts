@@ -53,11 +53,11 @@ export class Stage {
     this.errors = errors ?? null;
   }
 
-  /** Puts the machine and what it made where they are at a time of the program, on the way to a row. */
-  at(row: number, time_s: number): void {
+  /** Puts the machine and what it made where they are at a time of the program, on the way to a row; coarser while moving. */
+  at(row: number, time_s: number, moving: boolean): void {
     if (!this.motion?.rows) return;
     this.machine.pose(this.motion, row, this.motion.done(row, time_s));
-    this.ribbons?.show(time_s);
+    this.ribbons?.show(time_s, moving);
     this.coat?.show(time_s);
     if (this.cone) this.cone.visible = this.motion.isOn("arc", row);
   }
@@ -113,9 +113,9 @@ export class Stage {
     const soup = new BufferGeometry().setAttribute("position", new BufferAttribute(pointsOf(table), 3));
     const material = new MeshLambertMaterial({
       ...{ color: sprayed ? 0x969ca2 : 0xa9b6c2, side: DoubleSide },
-      // One sees through a mould, and the tape on it stays in sight where the mould is drawn coarser than it is.
+      // What is made on a part stays in sight where the part is drawn coarser than it is; and one sees through a mould.
       ...{ transparent: !sprayed, opacity: sprayed ? 1 : 0.55, depthWrite: sprayed },
-      ...{ polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 16 },
+      ...{ polygonOffset: true, polygonOffsetFactor: 6, polygonOffsetUnits: 128 },
     });
     this.part = new Mesh(toCreasedNormals(soup, CREASE), material);
     this.object.add(this.part);

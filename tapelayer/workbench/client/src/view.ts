@@ -2,7 +2,7 @@ import { Box3, DirectionalLight, HemisphereLight, PerspectiveCamera, Scene, Sphe
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 
 export const DIRECTIONS = {
-  iso: new Vector3(0.75, -1, 0.7),
+  iso: new Vector3(0.8, -1, 0.85),
   top: new Vector3(0, -0.001, 1),
   front: new Vector3(0, -1, 0.12),
   side: new Vector3(1, 0, 0.12),
@@ -13,7 +13,9 @@ export type Direction = keyof typeof DIRECTIONS;
 const FRAME_MS = 1000 / 30;
 const MOVING_PIXELS = 1_500_000;
 const RESTING_PIXELS = 4_000_000;
-const REST_MS = 250;
+// After so long without a change nothing moves any longer; a renderer that is slow is given longer.
+const REST_MS = 300;
+const SLOWEST_MS = 1000;
 
 /** Whether this browser can draw in 3D at all. */
 export function drawable(): boolean {
@@ -37,13 +39,15 @@ export class View {
   /**
    * @param host element that the canvas fills.
    * @param onLost told when the graphics context goes and when it comes back.
-   * @param beforeDraw brings the scene up to date right before it is drawn.
+   * @param beforeDraw brings the scene up to date right before it is drawn; told whether more will follow soon.
+   * @param busy whether something moves on by itself.
    */
   constructor(
     private readonly host: HTMLElement,
     readonly canvas: HTMLCanvasElement,
     onLost: (lost: boolean) => void,
-    private readonly beforeDraw: () => void,
+    private readonly beforeDraw: (moving: boolean) => void,
+    private readonly busy: () => boolean,
   ) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "low-power" });
     this.camera.up.set(0, 0, 1);
@@ -106,25 +110,25 @@ export class View {
       this.draw();
       return;
     }
+    const slowness = Math.min(now - this.drawn, SLOWEST_MS);
     this.drawn = now;
-    this.render(MOVING_PIXELS, 1);
+    this.render(true);
     clearTimeout(this.rest);
-    this.rest = window.setTimeout(() => this.sharpen(), REST_MS);
+    this.rest = window.setTimeout(() => this.sharpen(), REST_MS + 2 * slowness);
   };
 
-  /** Draws once more with every pixel of the screen, when nothing moves any longer. */
+  /** Draws once more with all that there is, when nothing moves any longer. */
   private sharpen(): void {
-    const { clientWidth, clientHeight } = this.host;
-    const coarse = devicePixelRatio > 1 || clientWidth * clientHeight > MOVING_PIXELS;
-    if (coarse && !this.frame) this.render(RESTING_PIXELS, Math.min(devicePixelRatio, 2));
+    if (!this.frame && !this.busy()) this.render(false);
   }
 
-  private render(pixels: number, finest: number): void {
+  private render(moving: boolean): void {
     const { clientWidth: width, clientHeight: height } = this.host;
     if (this.lost || !width || !height) return;
     const began = performance.now();
-    this.beforeDraw();
-    const ratio = Math.min(finest, Math.sqrt(pixels / (width * height)));
+    this.beforeDraw(moving);
+    const most = Math.sqrt((moving ? MOVING_PIXELS : RESTING_PIXELS) / (width * height));
+    const ratio = Math.min(moving ? 1 : Math.min(devicePixelRatio, 2), most);
     this.resize(width, height, ratio);
     this.renderer.render(this.scene, this.camera);
     this.frames += 1;
