@@ -17,9 +17,7 @@ class Asking:
     def __init__(self, router: APIRouter) -> None:
         self.app = FastAPI()
         self.app.include_router(router)
-        self.app.add_exception_handler(Problem, server._problem)
-        self.app.add_exception_handler(TapelayerError, server._refused)
-        self.app.add_exception_handler(RequestValidationError, server._invalid)
+        answer_problems(self.app)
 
     def get(self, path: str, **options: Any) -> httpx.Response:
         return asyncio.run(self._ask("GET", path, options))
