@@ -4,7 +4,7 @@ import { problemTitle } from "./i18n";
 
 /** Asks for the token where the server wants one; `ready` runs once the page may talk to it. */
 export async function startSession(header: HTMLElement, ready: () => void): Promise<void> {
-  const token = h("input", { type: "password", id: "token", testid: "token", autocomplete: "current-password", required: true });
+  const token = h("input", { type: "password", id: "token", testid: "token", autocomplete: "current-password", required: true, autofocus: true });
   const wrong = h("p", { class: "fault", role: "alert" });
   const send = h("button", { type: "submit", class: "primary", testid: "sign-in-send", t: "sign-in" });
   const form = h("form", {}, h("label", { for: "token", t: "sign-in.token" }), token, wrong, send);
@@ -19,7 +19,7 @@ export async function startSession(header: HTMLElement, ready: () => void): Prom
       () => location.reload(),
       (error: unknown) => {
         if (!(error instanceof Refused)) throw error;
-        wrong.textContent = `${problemTitle(error.problem)}. ${error.problem.detail}`;
+        wrong.textContent = `${problemTitle(error.problem)}: ${error.problem.detail}`;
       },
     );
   });
