@@ -137,16 +137,22 @@ def test_sprayer_there_and_back(rows: list[tuple[float, ...]]) -> None:
 
 def test_poses_that_cannot_be_taken_are_null_beside_others() -> None:
     flat, along = [800.0, -900.0, -1300.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0]
-    poses = [[*flat, *along], [*flat, 0.0, 0.0, 2.0], [0.0, 0, 0, 1, 0, 0, 0, 1, 0], [*flat, 1.0, 0.0, 0.0]]
+    poses = [
+        [*flat, *along],
+        [*flat, 0.0, 0.0, 2.0],
+        [0.0, 0, 0, 1, 0, 0, 0, 1, 0],
+        [*flat, 1.0, 0.0, 0.0],
+        [*flat, 0, 0, 0],
+    ]
     found = solved("tapelayer", poses)
     for branch, inside in zip(found["branches"], found["within_travel"], strict=True):
-        assert [row is None for row in branch] == [False, True, True, False]
+        assert [row is None for row in branch] == [False, True, True, False, True]
         assert not inside[1] and not inside[2]
     # c turns by 30 deg each way from along y.
     assert found["within_travel"][0][0] and not found["within_travel"][0][3]
     assert not found["within_travel"][1][0]
-    down = solved("sprayer", [[0, 0, 0, 0, 0, -1], [0, 0, 0, 1, 0, 0], [5, 6, 7, 0, 0, 1]])
-    assert [row is None for row in down["branches"][0]] == [True, True, False]
+    down = solved("sprayer", [[0, 0, 0, 0, 0, -1], [0, 0, 0, 1, 0, 0], [5, 6, 7, 0, 0, 1], [1, 2, 3, 0, 0, 0]])
+    assert [row is None for row in down["branches"][0]] == [True, True, False, True]
     assert down["branches"][0][2] == [5, 6, 7, 0, 0]
     assert [inside[2] for inside in down["within_travel"]] == [True, True]
 
@@ -193,24 +199,26 @@ FINE: dict[str, Any] = {
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"machine": "robot"}, "machine: Input should be 'tapelayer' or 'sprayer'"),
-        ({"frame": "contact"}, "frame: the sprayer is solved for P, not for contact"),
-        ({"axes": ["x_mn", *POSE["sprayer"][1:]]}, "axes[0]: there is no 'x_mn' here; did you mean x_mm?"),
-        ({"axes": [*POSE["sprayer"], "c_deg"]}, "axes[6]: there is no 'c_deg' here"),
-        ({"axes": [*PLACE, "nx", "ny", "ny"]}, "axes[5]: ny is there twice; name each column once"),
-        ({"axes": [*PLACE, "nx", "nz"]}, "axes: ny missing; expected x_mm, y_mm, z_mm, nx, ny, nz"),
-        ({"values": [[1, 2, 3, 0, 0, 1], [1, 2]]}, "values[1]: expected 6 numbers, one for each of axes, got 2"),
+        ({"machine": "robot"}, "Input tag 'robot' found using 'machine' does not match any of the expected tags"),
+        ({"frame": "contact"}, "frame: Input should be 'P'"),
         (
-            {"values": [[1, 2, 3, 0, 0, 1], [1, 2, 3, 0, 0, 0]]},
-            "values[1]: the normal has length zero; give the direction",
+            {"axes": ["x_mn", *POSE["sprayer"][1:]]},
+            "axes[0]: Input should be 'x_mm', 'y_mm', 'z_mm', 'nx', 'ny' or 'nz'",
+        ),
+        ({"axes": [*POSE["sprayer"], "nx"]}, "axes: List should have at most 6 items after validation, not 7"),
+        ({"axes": [*PLACE, "nx", "ny", "ny"]}, "axes: name each column once"),
+        ({"axes": [*PLACE, "nx", "nz"]}, "axes: List should have at least 6 items after validation, not 5"),
+        (
+            {"values": [[1, 2, 3, 0, 0, 1], [1, 2]]},
+            "values[1]: List should have at least 6 items after validation, not 2",
         ),
         ({"values": [[1, 2, 3, 0, math.nan, 1]]}, "values[0][4]: Input should be a finite number"),
         ({"values": [[1, 2, 3, 0, 0, 1], [math.inf, 2, 3, 0, 0, 1]]}, "values[1][0]: Input should be a finite number"),
         ({"values": [[1, 2, 3, 0, "0", 1]]}, "values[0][4]: Input should be a valid number"),
         ({"values": [[1, 2, True, 0, 0, 1]]}, "values[0][2]: Input should be a valid number"),
         ({"values": [[1, 1e13, 3, 0, 0, 1]]}, "values[0][1]: Input should be less than or equal to 1000000000000"),
-        ({"values": [[0.0] * 10]}, "values[0]: List should have at most 9 items"),
-        ({"values": [[]] * 100_001}, "values: List should have at most 100000 items"),
+        ({"values": [[0.0] * 10]}, "values[0]: List should have at most 6 items"),
+        ({"values": FINE["values"] * 50_001}, "values: List should have at most 100000 items"),
         ({"unit": "mm"}, "unit: Extra inputs are not permitted"),
     ],
 )
@@ -218,7 +226,7 @@ def test_what_cannot_be_solved_is_named(changes: dict[str, Any], words: str) -> 
     response = CLIENT.post("/inverse", content=json.dumps(FINE | changes), headers={"Content-Type": "application/json"})
     problem = response.json()
     assert (response.status_code, problem["code"]) == (422, "invalid-request")
-    assert problem["detail"].startswith(words)
+    assert words in problem["detail"].splitlines()[0]
 
 
 @pytest.mark.parametrize("body", [b"", b"{", b"[]", b"\xff", b'"\\ud800"', b"[" * 5000])
@@ -243,6 +251,12 @@ def test_many_rows_are_solved_at_once() -> None:
 def test_the_description_has_the_body() -> None:
     routes = CLIENT.app.openapi()["paths"]
     for way in ("inverse", "forward"):
-        schema = routes[f"/api/v1/{way}"]["post"]["requestBody"]["content"]["application/json"]["schema"]
-        assert schema["properties"]["values"]["maxItems"] == kinematics.MOST_ROWS
-        assert schema["required"] == ["machine", "frame", "axes", "values"]
+        schemas = routes[f"/api/v1/{way}"]["post"]["requestBody"]["content"]["application/json"]["schema"]["oneOf"]
+        for machine, schema in zip(MACHINES, schemas, strict=True):
+            names = (POSE if way == "inverse" else JOINTS)[machine]
+            values, axes = schema["properties"]["values"], schema["properties"]["axes"]
+            assert (schema["properties"]["machine"]["const"], axes["items"]["enum"]) == (machine, names)
+            assert values["maxItems"] == kinematics.MOST_ROWS
+            assert values["items"]["minItems"] == values["items"]["maxItems"] == axes["minItems"] == len(names)
+            assert schema["required"] == ["machine", "frame", "axes", "values"]
+            assert "$ref" not in json.dumps(schema)

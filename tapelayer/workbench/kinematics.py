@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, NamedTuple, Protocol
+from typing import Annotated, Any, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.exceptions import RequestValidationError
-from pydantic import BaseModel, ConfigDict, FailFast, Field, ValidationError
-from pydantic_core import to_json
+from pydantic import AfterValidator, BaseModel, ConfigDict, FailFast, Field, TypeAdapter, ValidationError
+from pydantic_core import PydanticCustomError, to_json
 from starlette.concurrency import run_in_threadpool
 
 from tapelayer import gantry, wrist
@@ -19,33 +18,104 @@ from tapelayer.machine import Machine
 from tapelayer.setup import DEG, MM
 from tapelayer.spraying import AXES
 from tapelayer.workbench.api import EVERYWHERE
-from tapelayer.workbench.catalogue import MACHINES, machine_of
-from tapelayer.workbench.problems import Problem, responses
+from tapelayer.workbench.catalogue import machine_of
+from tapelayer.workbench.problems import responses
 
 MOST_ROWS = 100_000
 # Millimetres, degrees and vectors beyond it are mistakes, and their squares would be no numbers.
 GREATEST = 1e12
 
-PLACE = ("x_mm", "y_mm", "z_mm")
-NORMAL = ("nx", "ny", "nz")
-TANGENT = ("tx", "ty", "tz")
-
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-GREATEST, le=GREATEST)]
-Row = Annotated[list[Number], FailFast(), Field(max_length=9)]
+Rows5 = Annotated[
+    list[Annotated[list[Number], FailFast(), Field(min_length=5, max_length=5)]],
+    FailFast(),
+    Field(max_length=MOST_ROWS, description="of each row: mm and degrees"),
+]
+Rows6 = Annotated[
+    list[Annotated[list[Number], FailFast(), Field(min_length=6, max_length=6)]],
+    FailFast(),
+    Field(max_length=MOST_ROWS, description="of each row: place in mm in the machine's axes, direction of any length"),
+]
+Rows9 = Annotated[
+    list[Annotated[list[Number], FailFast(), Field(min_length=9, max_length=9)]],
+    FailFast(),
+    Field(max_length=MOST_ROWS, description="of each row: place in mm in the machine's axes, directions of any length"),
+]
 
 
-class Asked(BaseModel):
-    """Rows that are to be solved."""
+def _once(names: list[str]) -> list[str]:
+    if len(set(names)) < len(names):
+        raise PydanticCustomError("column_twice", "name each column once")
+    return names
+
+
+Once = AfterValidator(_once)
+PLACE = ["x_mm", "y_mm", "z_mm"]
+NORMAL = ["nx", "ny", "nz"]
+TANGENT = ["tx", "ty", "tz"]
+
+
+class _Asked(BaseModel):
+    """Rows that are to be solved; their columns may be in any order."""
 
     model_config = ConfigDict(extra="forbid")
 
-    machine: Literal["tapelayer", "sprayer"]
-    frame: Annotated[
-        Literal["contact", "P"],
-        Field(description="contact: the nose of the tape layer's roller; P: the point at which the spray gun points"),
+
+class LayPoses(_Asked):
+    """Where the tape layer's roller is to meet the surface: place, normal out of it, direction of travel."""
+
+    machine: Literal["tapelayer"]
+    frame: Literal["contact"]
+    axes: Annotated[
+        list[Literal["x_mm", "y_mm", "z_mm", "nx", "ny", "nz", "tx", "ty", "tz"]],
+        Field(min_length=9, max_length=9, json_schema_extra={"uniqueItems": True}),
+        Once,
     ]
-    axes: Annotated[list[str], Field(max_length=9, description="what the columns of the values are, in any order")]
-    values: Annotated[list[Row], FailFast(), Field(max_length=MOST_ROWS, description="rows in mm and degrees")]
+    values: Rows9
+
+
+class SprayPoses(_Asked):
+    """What the spray gun is to point at: place, normal out of the surface."""
+
+    machine: Literal["sprayer"]
+    frame: Literal["P"]
+    axes: Annotated[
+        list[Literal["x_mm", "y_mm", "z_mm", "nx", "ny", "nz"]],
+        Field(min_length=6, max_length=6, json_schema_extra={"uniqueItems": True}),
+        Once,
+    ]
+    values: Rows6
+
+
+class LayJoints(_Asked):
+    """Axis values of the tape layer."""
+
+    machine: Literal["tapelayer"]
+    frame: Literal["contact"]
+    axes: Annotated[
+        list[Literal["x_mm", "y_mm", "z_mm", "c_deg", "a_deg"]],
+        Field(min_length=5, max_length=5, json_schema_extra={"uniqueItems": True}),
+        Once,
+    ]
+    values: Rows5
+
+
+class SprayJoints(_Asked):
+    """Axis values of the spray robot."""
+
+    machine: Literal["sprayer"]
+    frame: Literal["P"]
+    axes: Annotated[
+        list[Literal["x_mm", "y_mm", "z_mm", "theta_deg", "phi_deg"]],
+        Field(min_length=5, max_length=5, json_schema_extra={"uniqueItems": True}),
+        Once,
+    ]
+    values: Rows5
+
+
+Poses = LayPoses | SprayPoses
+Joints = LayJoints | SprayJoints
+Model = TypeVar("Model")
 
 
 class Solved(BaseModel):
@@ -93,7 +163,7 @@ class _Chain(NamedTuple):
     """
 
     axes: tuple[str, ...]
-    vectors: tuple[tuple[tuple[str, ...], int], ...]
+    vectors: tuple[tuple[list[str], int], ...]
     inverse: _Inverse
 
 
@@ -111,41 +181,57 @@ CHAINS = {
     "sprayer": _Chain(AXES, ((NORMAL, 2),), _spray),
 }
 
-BODY = {"required": True, "content": {"application/json": {"schema": Asked.model_json_schema()}}}
+POSES: TypeAdapter[Poses] = TypeAdapter(Annotated[Poses, Field(discriminator="machine")])
+JOINTS: TypeAdapter[Joints] = TypeAdapter(Annotated[Joints, Field(discriminator="machine")])
 
 router = APIRouter(
     prefix="/api/v1", tags=["kinematics"], responses=responses(*EVERYWHERE, "invalid-request", "upload-too-large")
 )
 
 
-async def asked_for(request: Request) -> Asked:
+def _body(*models: type[_Asked]) -> dict[str, Any]:
+    """OpenAPI's description of a body that is one of the models."""
+    schema = {"oneOf": [model.model_json_schema() for model in models]}
+    return {"requestBody": {"required": True, "content": {"application/json": {"schema": schema}}}}
+
+
+async def poses_asked(request: Request) -> Poses:
+    """Poses that a request asks to be solved."""
+    return await _asked(request, POSES)
+
+
+async def joints_asked(request: Request) -> Joints:
+    """Axis values that a request asks to be solved."""
+    return await _asked(request, JOINTS)
+
+
+async def _asked(request: Request, models: TypeAdapter[Model]) -> Model:
     """What a request asks for.
 
     Raises:
-        RequestValidationError: it is no JSON, or not what `Asked` describes.
+        RequestValidationError: it is no JSON, or not what the models describe.
     """
     body = await request.body()
     try:
         # Beside the event loop and straight from the bytes: many thousand rows would hold up everybody else's requests.
-        return await run_in_threadpool(Asked.model_validate_json, body)
+        return await run_in_threadpool(models.validate_json, body)
     except ValidationError as error:
-        faults = [{**fault, "loc": ("body", *fault["loc"])} for fault in error.errors(include_url=False)]
+        faults = []
+        for fault in error.errors(include_url=False):
+            place = fault["loc"][1:] if fault["loc"][:1] in [(name,) for name in CHAINS] else fault["loc"]
+            faults.append({**fault, "loc": ("body", *place)})
         raise RequestValidationError(faults) from None
 
 
-Wanted = Annotated[Asked, Depends(asked_for)]
-
-
-@router.post("/inverse", response_model=Solved, openapi_extra={"requestBody": BODY})
-def inverse(asked: Wanted) -> Response:
+@router.post("/inverse", response_model=Solved, openapi_extra=_body(LayPoses, SprayPoses))
+def inverse(asked: Annotated[Poses, Depends(poses_asked)]) -> Response:
     """Solve axis values for poses: place, normal out of the surface and, for the tape layer, direction of travel.
 
     Both branches of each pose, the turns of an axis chosen so that it is nearest to the middle of its travel.
     """
     chain, machine = CHAINS[asked.machine], machine_of(asked.machine)
-    names = [name for vector, _ in chain.vectors for name in vector]
-    poses = _values(asked, [*PLACE, *names])
-    vectors = [_units(poses[:, first : first + 3], names[first - 3]) for first in range(3, poses.shape[1], 3)]
+    poses = _values(asked, [*PLACE, *(name for vector, _ in chain.vectors for name in vector)])
+    vectors = [_units(poses[:, first : first + 3]) for first in range(3, poses.shape[1], 3)]
     joints = chain.inverse(machine, poses[:, :3] * MM, vectors)
     axes = [machine.axis(name) for name in chain.axes]
     for column, axis in enumerate(axes):
@@ -159,8 +245,8 @@ def inverse(asked: Wanted) -> Response:
     return _answer(asked, columns, branches=branches, within_travel=np.all(inside, axis=0).tolist())
 
 
-@router.post("/forward", response_model=Placed, openapi_extra={"requestBody": BODY})
-def forward(asked: Wanted) -> Response:
+@router.post("/forward", response_model=Placed, openapi_extra=_body(LayJoints, SprayJoints))
+def forward(asked: Annotated[Joints, Depends(joints_asked)]) -> Response:
     """Solve poses for axis values, in the columns that /inverse takes; all other axes stand at 0.
 
     The tape layer's place and vectors are those of the roller's nose, which is where the surface is, but where that
@@ -175,46 +261,18 @@ def forward(asked: Wanted) -> Response:
     return _answer(asked, [*PLACE, *(name for vector, _ in chain.vectors for name in vector)], values=rows.tolist())
 
 
-def _values(asked: Asked, columns: Sequence[str]) -> Floats:
-    """The values (n, k) with their columns in this order.
-
-    Raises:
-        Problem: it is not the machine's frame, the axes are others, or a row has not as many values.
-    """
-    expected = MACHINES[asked.machine].frame
-    if asked.frame != expected:
-        raise _invalid(f"frame: the {asked.machine} is solved for {expected}, not for {asked.frame}")
-    for index, name in enumerate(asked.axes):
-        if name not in columns:
-            near = difflib.get_close_matches(name, columns, 1, 0.4)
-            shown = repr(name if len(name) <= 40 else name[:37] + "...")
-            advice = f"did you mean {near[0]}?" if near else f"expected {', '.join(columns)}"
-            raise _invalid(f"axes[{index}]: there is no {shown} here; {advice}")
-        if name in asked.axes[:index]:
-            raise _invalid(f"axes[{index}]: {name} is there twice; name each column once")
-    if missing := [name for name in columns if name not in asked.axes]:
-        raise _invalid(f"axes: {', '.join(missing)} missing; expected {', '.join(columns)}")
-    for index, row in enumerate(asked.values):
-        if len(row) != len(columns):
-            sentence = f"expected {len(columns)} numbers, one for each of axes, got {len(row)}"
-            raise _invalid(f"values[{index}]: {sentence}")
+def _values(asked: Poses | Joints, columns: Sequence[str]) -> Floats:
+    """The values (n, k) with their columns in this order."""
     values = np.array(asked.values, dtype=np.float64).reshape(-1, len(columns))
-    return values[:, [asked.axes.index(name) for name in columns]]
+    names: list[str] = [*asked.axes]
+    return values[:, [names.index(name) for name in columns]]
 
 
-def _units(vectors: Floats, name: str) -> Floats:
-    """Unit vectors (n, 3) in the directions of vectors of any length.
-
-    Raises:
-        Problem: one has none.
-    """
-    greatest = np.max(np.abs(vectors), axis=1)
-    lost = np.flatnonzero(greatest == 0.0)
-    if len(lost):
-        what = "normal" if name in NORMAL else "tangent"
-        raise _invalid(f"values[{lost[0]}]: the {what} has length zero; give the direction")
-    # Squares of tiny numbers would be zero.
-    scaled = vectors / greatest[:, None]
+def _units(vectors: Floats) -> Floats:
+    """Unit vectors (n, 3) in the directions of vectors of any length; NaN for those of none."""
+    with np.errstate(invalid="ignore"):
+        # Squares of tiny numbers would be zero.
+        scaled = vectors / np.max(np.abs(vectors), axis=1)[:, None]
     units: Floats = scaled / np.linalg.norm(scaled, axis=1)[:, None]
     return units
 
@@ -235,11 +293,7 @@ def _rows(values: Floats, reached: Mask) -> list[list[float] | None]:
     return rows
 
 
-def _answer(asked: Asked, columns: Sequence[str], **results: Any) -> Response:
+def _answer(asked: Poses | Joints, columns: Sequence[str], **results: Any) -> Response:
     # Many thousand rows take no second way through a model.
     answer = {"machine": asked.machine, "frame": asked.frame, "axes": columns, **results}
     return Response(to_json(answer), media_type="application/json")
-
-
-def _invalid(sentence: str) -> Problem:
-    return Problem("invalid-request", sentence)
