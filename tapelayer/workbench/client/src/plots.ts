@@ -12,7 +12,7 @@ type View = (typeof VIEWS)[number];
 const TOGETHER: Record<string, string[]> = { normal_error_mm: ["normal_error_mm", "lateral_error_mm"] };
 // Normal and lateral error together are judged by the limit of position.
 const LIMIT_OF: Record<string, string> = { normal_error_mm: "position_error_mm" };
-const PLACES = ["time_s", "course", "pass", "arc_length_mm"];
+const PLACES = ["time_s", "course", "pass", "arc_length_mm", "beside_crease"];
 const UNSIGNED = ["position_error_mm", "surface_distance_mm", "deviation_deg"];
 const BINS = 48;
 
@@ -47,6 +47,13 @@ function timed(table: Table): (column: string) => Float32Array {
   };
 }
 
+/** Deviations that count, and those beside creases, which do not. */
+function besideCreases(values: Float32Array, beside: Float32Array, t: Translate): Omit<Curve, "colour">[] {
+  const where = (free: boolean): Float32Array => values.map((value, row) => (beside[row]! > 0 === free ? value : Number.NaN));
+  const counted = { name: t("plots.deviation_deg"), values: where(false) };
+  return beside.some(Boolean) ? [counted, { name: t("plots.beside_crease"), values: where(true) }] : [counted];
+}
+
 function errorCharts(made: Made, table: Table, t: Translate): Chart[] {
   const column = timed(table);
   const limits = limitsOf(made);
@@ -54,9 +61,9 @@ function errorCharts(made: Made, table: Table, t: Translate): Chart[] {
   const shown = table.columns.filter((name) => !PLACES.includes(name) && !joined.includes(name));
   return shown.map((name) => {
     const names = (TOGETHER[name] ?? [name]).filter((each) => table.columns.includes(each));
-    const curves = names.map((each, index): Curve => {
-      return { name: t(`plots.${each}`), colour: `--plot-${index + 1}`, values: column(each) };
-    });
+    const drawn = names.map((each) => ({ name: t(`plots.${each}`), values: column(each) }));
+    if (name === "deviation_deg") drawn.splice(0, 1, ...besideCreases(column(name), column("beside_crease"), t));
+    const curves = drawn.map((curve, index): Curve => ({ ...curve, colour: `--plot-${index + 1}` }));
     const limit = limits.get(LIMIT_OF[name] ?? name);
     const both = limit ? [limit, ...(UNSIGNED.includes(name) ? [] : [{ ...limit, value: -limit.value }])] : [];
     return {
@@ -198,7 +205,8 @@ class Plots implements Panel {
     const whole = h("button", { type: "button", testid: "plots-whole", onclick: () => this.zoom(...this.whole()) }, t("plots.whole"));
     const limits = h("label", {}, this.limits, ` ${t("plots.with_limits")}`);
     const note = h("span", { class: "note" }, t("plots.note"));
-    this.bar.replaceChildren(h("div", { role: "group", "aria-label": t("plots.choose") }, ...buttons), ...zoom, whole, limits, note);
+    const overTime = this.view === "thickness" ? [] : [...zoom, whole, limits, note];
+    this.bar.replaceChildren(h("div", { role: "group", "aria-label": t("plots.choose") }, ...buttons), ...overTime);
   }
 
   private choose(view: View): void {
