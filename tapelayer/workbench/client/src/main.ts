@@ -115,7 +115,8 @@ async function loadSetup(): Promise<void> {
     form.write(await api.parseSetup(input.kind, await file.text()));
     notice.clear();
   } catch (error) {
-    refused(error);
+    // Faults of the file's values: those in the form are others.
+    notice.report(error);
   }
 }
 

@@ -25,7 +25,9 @@ export function startShortcuts(clock: Clock, actions: Actions): void {
   };
   addEventListener("keydown", (event) => {
     if (event.defaultPrevented || document.querySelector("dialog[open]")) return;
-    const target = event.target as Element;
+    // The program's text has a tree of its own, whose events come out with its host for a target.
+    const target = event.composedPath()[0];
+    if (!(target instanceof Element)) return;
     if (event.ctrlKey || event.metaKey) {
       const action = { f: actions.search, Enter: actions.generate }[event.key];
       if (!action) return;
