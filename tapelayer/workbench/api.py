@@ -1,0 +1,449 @@
+"""API: the routes of jobs and of what they made, and of programs that are to be judged."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import shutil
+from collections.abc import AsyncIterator, Awaitable, Mapping
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Depends, Request, Response
+from fastapi.responses import FileResponse
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.concurrency import run_in_threadpool
+
+from tapelayer.workbench.foreman import Foreman, Message
+from tapelayer.workbench.problems import Problem, responses
+from tapelayer.workbench.setups import JobKind
+from tapelayer.workbench.store import Record, State, Store, write_request
+from tapelayer.workbench.submission import JOB_FIELDS, VERIFY_FIELDS, job_request, verify_request
+from tapelayer.workbench.uploads import Sort, receive
+
+FLOAT_BYTES = 4
+
+
+class Fault(BaseModel):
+    """One fault of a file."""
+
+    model_config = ConfigDict(extra="allow")
+
+    line: Annotated[int, Field(description="from 1; 0 where no line applies")]
+    column: Annotated[int, Field(description="from 1; 0 where no column applies")]
+    sentence: Annotated[str, Field(description="what is wrong, for a person")]
+
+
+class ProblemDetails(BaseModel):
+    """What is wrong (RFC 9457); `code` is for programs, `detail` for people."""
+
+    model_config = ConfigDict(extra="allow")
+
+    type: Annotated[str, Field(description="/problems/CODE, a page that says what the code means")]
+    title: Annotated[str, Field(description="the same for every problem with this code")]
+    status: Annotated[int, Field(description="HTTP status")]
+    detail: Annotated[str, Field(description="what is wrong this time; one line a fault")]
+    code: Annotated[str, Field(description="stable")]
+    faults: Annotated[list[Fault], Field(description="of a file that is refused")] = []
+    failures: Annotated[list[dict[str, Any]], Field(description="of verification, as in the report")] = []
+
+
+class Summary(BaseModel):
+    """What a job made, in numbers."""
+
+    model_config = ConfigDict(extra="allow")
+
+    blocks: int
+    courses: Annotated[int, Field(description="lay only")] = 0
+    passes: Annotated[int, Field(description="spray only")] = 0
+    duration_s: float
+    program_sha256: Annotated[str, Field(description="of the program's bytes; empty where the plan failed already")]
+    passed: bool
+    failures: int
+    max_position_error_mm: float | None
+    controller: str
+    bytes: int
+
+
+class Job(BaseModel):
+    """A job as it is."""
+
+    id: Annotated[str, Field(pattern="^[0-9a-f]{32}$", description="whoever has it may read the job")]
+    kind: JobKind
+    name: Annotated[str, Field(description="of the uploaded file")]
+    state: State
+    progress: Annotated[float, Field(ge=0, le=1)]
+    stage: Annotated[str, Field(description="what is under way, or was when the job ended; empty before it began")]
+    created_at: Annotated[str, Field(json_schema_extra={"format": "date-time"})]
+    summary: Annotated[Summary | None, Field(description="null where nothing was made")]
+    error: Annotated[ProblemDetails | None, Field(description="null where there is none")]
+    mine: Annotated[bool, Field(description="whether who asks is its owner")]
+    owner_key: Annotated[
+        str, Field(description="only in the answer to a new job, and where the request named no owner; keep it")
+    ] = ""
+
+
+class Jobs(BaseModel):
+    """Jobs, the newest first."""
+
+    jobs: list[Job]
+
+
+class Progress(BaseModel):
+    """How far a job is."""
+
+    progress: Annotated[float, Field(ge=0, le=1)]
+    stage: str
+
+
+def content(media_type: str, *headers: str) -> dict[int | str, dict[str, Any]]:
+    """A route's good response: its media type and the headers that it may have."""
+    described = {name: {"schema": {"type": "string"}} for name in headers}
+    return {200: {"description": "", "content": {media_type: {}}, "headers": described}}
+
+
+def form(fields: Mapping[str, Sort], required: tuple[str, ...], described: Mapping[str, Any]) -> dict[str, Any]:
+    """OpenAPI's description of a multipart form."""
+    file = {"type": "string", "format": "binary"}
+    schemas: dict[Sort, dict[str, Any]] = {
+        "text": {"type": "string"},
+        "file": file,
+        "files": {"type": "array", "items": file},
+    }
+    properties = {name: schemas[sort] | described[name] for name, sort in fields.items()}
+    schema = {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+    return {"requestBody": {"required": True, "content": {"multipart/form-data": {"schema": schema}}}}
+
+
+FORM = {
+    "file": {"description": "the course file, or the STL that is sprayed"},
+    "kind": {"enum": ["lay", "spray"]},
+    "setup": {"description": "TOML, as a field or as a file; without it the defaults"},
+    "controller": {"description": "in place of the setup's: the name of a built-in or of one of the parts"},
+    "unit": {"enum": ["mm", "m", "in"], "description": "spray only: unit of the STL's numbers; without it mm"},
+    "mould": {"description": "lay only: an STL of the mould in mm, in the part's frame, to look at"},
+    "parts": {
+        "description": "files that the setup names: a URDF and its meshes, a controller table, a profile; "
+        "with plain names, [A-Za-z0-9][A-Za-z0-9._-]{0,99}"
+    },
+    "program": {"description": "the NC program"},
+    "force": {"enum": ["true", "false"], "description": "judge it although its header names another setup"},
+}
+REFUSED_FORMS = (
+    *(
+        "foreign-origin",
+        "upload-too-large",
+        "unsupported-media-type",
+        "invalid-request",
+        "setup-refused",
+        "name-not-allowed",
+    ),
+    *("xml-refused", "queue-full", "target-not-writable"),
+)
+EVERYWHERE = (
+    *("token-required", "wrong-token", "too-many-attempts", "host-not-allowed", "invalid-request", "internal"),
+    "server-stopped",
+)
+
+ACCEPTED: dict[int | str, dict[str, Any]] = {202: {"headers": {"Location": {"schema": {"type": "string"}}}}}
+
+router = APIRouter(prefix="/api/v1", tags=["jobs"], responses=responses(*EVERYWHERE))
+
+
+def found(id: str, request: Request) -> Record:
+    """The job that the path names."""
+    return _store(request).get(id)
+
+
+Found = Annotated[Record, Depends(found)]
+
+
+def owned(record: Found, request: Request) -> Record:
+    """The job that the path names, where it is the caller's."""
+    if record.owner != request.state.owner:
+        raise Problem("not-owner", "this job is somebody else's; only its owner may change it")
+    return record
+
+
+Owned = Annotated[Record, Depends(owned)]
+
+
+@router.post(
+    "/jobs",
+    status_code=202,
+    response_model_exclude_unset=True,
+    responses=ACCEPTED | responses(*REFUSED_FORMS),
+    openapi_extra=form(JOB_FIELDS, ("file", "kind"), FORM),
+)
+async def submit(request: Request, response: Response) -> Job:
+    """Submit a job; a file that cannot be read fails inside the job."""
+    store, foreman = _store(request), _foreman(request)
+    foreman.check_room()
+    async with _staged(store) as folder:
+        sent = await receive(request, folder, JOB_FIELDS)
+        order = await run_in_threadpool(job_request, sent, folder)
+        record = await run_in_threadpool(store.create, request.state.owner, order, folder)
+    try:
+        foreman.submit(record)
+    except Problem:
+        await run_in_threadpool(store.delete, record.id)
+        raise
+    response.headers["Location"] = f"/api/v1/jobs/{record.id}"
+    job = _job(record, request)
+    if hasattr(request.state, "owner_key"):
+        job.owner_key = request.state.owner_key
+    return job
+
+
+@router.get("/jobs", response_model_exclude_unset=True)
+def jobs(request: Request) -> Jobs:
+    """List the caller's own jobs."""
+    return Jobs(jobs=[_job(record, request) for record in _store(request).of_owner(request.state.owner)])
+
+
+@router.get("/jobs/{id}", response_model_exclude_unset=True, responses=responses("not-found"))
+def job(record: Found, request: Request) -> Job:
+    """Show a job; whoever has its id may."""
+    return _job(record, request)
+
+
+@router.delete("/jobs/{id}", status_code=204, responses=responses("not-found", "not-owner"))
+async def delete(record: Owned, request: Request) -> None:
+    """Remove a job with its files; one that is under way is cancelled first."""
+    await _foreman(request).cancel(record.id)
+    await run_in_threadpool(_store(request).delete, record.id)
+
+
+@router.post(
+    "/jobs/{id}/cancel",
+    status_code=202,
+    response_model_exclude_unset=True,
+    responses=responses("not-found", "not-owner"),
+)
+async def cancel(record: Owned, request: Request) -> Job:
+    """Cancel a job that waits or runs; one that has ended stays as it is."""
+    return _job(await _foreman(request).cancel(record.id), request)
+
+
+@router.get("/jobs/{id}/events", response_class=EventSourceResponse, responses=responses("not-found"))
+async def events(record: Found, request: Request) -> AsyncIterator[ServerSentEvent]:
+    """Follow a job: `state` with the whole job at once and when its state changes, `progress`, at last `done`."""
+    state = ""
+    async for now in _foreman(request).watch(record.id):
+        if now.ended and state:
+            yield _event("done", _job(now, request))
+        elif now.state != state:
+            yield _event("state", _job(now, request))
+            if now.ended:
+                yield _event("done", _job(now, request))
+        elif now.state == "running":
+            yield _event("progress", Progress(progress=now.progress, stage=now.stage))
+        state = now.state
+
+
+@router.get(
+    "/jobs/{id}/program",
+    response_class=FileResponse,
+    responses=content("text/plain") | responses("not-found", "job-not-finished", "job-failed", "program-withheld"),
+)
+def program(record: Found, request: Request) -> FileResponse:
+    """Download the NC program; it is given only where verification passed it."""
+    if record.error and record.error["code"] == "verification-failed":
+        evidence = {key: record.error[key] for key in ("failures", "failure_count") if key in record.error}
+        raise Problem("program-withheld", f"verification judged the program bad: {record.error['detail']}", **evidence)
+    path = _result(record, request, "program.nc")
+    return FileResponse(path, media_type="text/plain", filename=f"{Path(record.name).stem}.nc")
+
+
+@router.get(
+    "/jobs/{id}/setup",
+    response_class=FileResponse,
+    responses=content("application/toml") | responses("not-found"),
+)
+def setup(record: Found, request: Request) -> FileResponse:
+    """Download the job's setup: the values that it was given, the controller among them."""
+    return FileResponse(_store(request).folder(record.id) / "setup.toml", media_type="application/toml")
+
+
+@router.get(
+    "/jobs/{id}/source",
+    response_class=FileResponse,
+    responses=content("application/octet-stream") | responses("not-found"),
+)
+def source(record: Found, request: Request) -> FileResponse:
+    """Download the course file or the STL that the job was made from."""
+    path = _store(request).folder(record.id) / "source"
+    return FileResponse(path, media_type="application/octet-stream", filename=record.name)
+
+
+@router.get(
+    "/jobs/{id}/parts/{name}",
+    response_class=FileResponse,
+    responses=content("application/octet-stream") | responses("not-found"),
+)
+def part(record: Found, name: str, request: Request) -> FileResponse:
+    """Download a file that came along as one of the job's parts."""
+    folder = _store(request).folder(record.id)
+    if name not in json.loads((folder / "request.json").read_bytes())["parts"]:
+        raise Problem("not-found", f"no part {name!r} came along with this job")
+    return FileResponse(folder / "parts" / name, media_type="application/octet-stream")
+
+
+def _add_file(address: str, file: str, media_type: str, description: str) -> None:
+    """Route to a file that a job made."""
+
+    def endpoint(record: Found, request: Request) -> FileResponse:
+        return FileResponse(_result(record, request, file), media_type=media_type)
+
+    router.add_api_route(
+        f"/jobs/{{id}}/{address}",
+        endpoint,
+        name=address,
+        response_class=FileResponse,
+        responses=content(media_type) | responses("not-found", "not-made", "job-not-finished", "job-failed"),
+        description=description,
+    )
+
+
+def _add_table(name: str, description: str) -> None:
+    """Route to a table that a job made."""
+
+    def endpoint(record: Found, request: Request) -> FileResponse:
+        path = _result(record, request, f"{name}.f32")
+        about = json.loads(path.with_suffix(".json").read_bytes())
+        columns = about["columns"]
+        headers = {"X-Columns": ",".join(columns), "X-Rows": str(path.stat().st_size // (FLOAT_BYTES * len(columns)))}
+        if "times" in about:
+            headers["X-Times"] = ",".join(f"{time:g}" for time in about["times"])
+        if "unit" in about:
+            headers["X-Unit"] = about["unit"]
+        return FileResponse(path, media_type="application/octet-stream", headers=headers)
+
+    router.add_api_route(
+        f"/jobs/{{id}}/{name}",
+        endpoint,
+        name=name,
+        response_class=FileResponse,
+        responses=content("application/octet-stream", "X-Columns", "X-Rows", "X-Times", "X-Unit")
+        | responses("not-found", "not-made", "job-not-finished", "job-failed"),
+        description=f"{description} Little-endian float32, row by row; the columns are in X-Columns, units in names.",
+    )
+
+
+_add_file("report.json", "report.json", "application/json", "Show the report.")
+_add_file("report.html", "report.html", "text/html", "Show the report as a page.")
+_add_file("trajectory", "trajectory.txt", "text/plain", "Show the gun's poses in the part's frame (spray).")
+_add_file("urdf", "machine.urdf", "application/xml", "Show the machine's URDF.")
+_add_file("blocks", "blocks.json", "application/json", "Show line, course, kind and event of each row of the poses.")
+_add_table("poses", "Show every axis at the end of each block, and between where a block is an arc.")
+_add_table("speeds", "Show the speed of each axis in the motion that ends in the row.")
+_add_table("errors", "Show what verification measured along the courses or passes.")
+_add_table("tape", "Show the edges of the tape as it is laid, in `machine` axes (lay).")
+_add_table("part", "Show the part, or the mould that came along, as triangles in `machine` axes.")
+_add_table("coat", "Show the coat growing on the part: points in `machine` axes, thickness at X-Times (spray).")
+
+
+@router.post(
+    "/verify",
+    responses=responses(
+        *(*REFUSED_FORMS, "course-file-refused", "mesh-refused", "program-refused"),
+        *("controller-refused", "model-refused", "program-of-other-setup", "out-of-memory", "out-of-time"),
+    ),
+    openapi_extra=form(VERIFY_FIELDS, ("program", "file", "kind"), FORM),
+)
+async def verify(request: Request) -> dict[str, Any]:
+    """Judge an NC program by its text: the report, whether it passed or not, with remarks beside the verdict."""
+    store, foreman = _store(request), _foreman(request)
+    foreman.check_room()
+    async with _staged(store) as folder:
+        sent = await receive(request, folder, VERIFY_FIELDS)
+        order = await run_in_threadpool(verify_request, sent, folder)
+        await run_in_threadpool(write_request, folder, order)
+        message = await _while_there(request, foreman.run(folder, request.state.owner))
+        if message["state"] != "done":
+            raise _problem(message["error"])
+        report: dict[str, Any] = json.loads((folder / "out" / "report.json").read_bytes())
+    return report | {"remarks": message["summary"]["remarks"]}
+
+
+async def _while_there(request: Request, work: Awaitable[Message]) -> Message:
+    """Result of work that nobody needs when the client has gone."""
+    working = asyncio.ensure_future(work)
+    # After the body, this is all that a client can still say.
+    going = asyncio.ensure_future(request.receive())
+    try:
+        await asyncio.wait((working, going), return_when=asyncio.FIRST_COMPLETED)
+        if not working.done():
+            working.cancel()
+        return await working
+    except asyncio.CancelledError:
+        working.cancel()
+        raise
+    finally:
+        going.cancel()
+
+
+@asynccontextmanager
+async def _staged(store: Store) -> AsyncIterator[Path]:
+    """A folder for uploads, removed where it has not become a job's."""
+    folder = await run_in_threadpool(store.stage)
+    try:
+        yield folder
+    finally:
+        await run_in_threadpool(shutil.rmtree, folder, ignore_errors=True)
+
+
+def _store(request: Request) -> Store:
+    store: Store = request.app.state.store
+    return store
+
+
+def _foreman(request: Request) -> Foreman:
+    foreman: Foreman = request.app.state.foreman
+    return foreman
+
+
+def _job(record: Record, request: Request) -> Job:
+    return Job.model_validate(
+        {
+            "id": record.id,
+            "kind": record.kind,
+            "name": record.name,
+            "state": record.state,
+            "progress": record.progress,
+            "stage": record.stage,
+            "created_at": record.created_at,
+            "summary": record.summary,
+            "error": record.error,
+            "mine": record.owner == request.state.owner,
+        }
+    )
+
+
+def _event(name: Literal["state", "progress", "done"], body: BaseModel) -> ServerSentEvent:
+    return ServerSentEvent(event=name, raw_data=body.model_dump_json(exclude_unset=True))
+
+
+def _result(record: Record, request: Request, name: str) -> Path:
+    """A file that a job made.
+
+    Raises:
+        Problem: it is not there, and why.
+    """
+    if not record.ended:
+        raise Problem("job-not-finished", "the job is under way; follow its events and ask again when it is done")
+    path = _store(request).folder(record.id) / "out" / name
+    if path.is_file():
+        return path
+    if record.summary is None:
+        reason = record.error["detail"] if record.error else record.state
+        raise Problem("job-failed", f"the job made nothing: {reason}")
+    raise Problem("not-made", f"this job has none: it is of kind {record.kind}")
+
+
+def _problem(body: Mapping[str, Any]) -> Problem:
+    """A problem that a worker told."""
+    evidence = {key: value for key, value in body.items() if key not in ("type", "title", "status", "detail", "code")}
+    return Problem(body["code"], body["detail"], **evidence)
