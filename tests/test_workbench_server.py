@@ -369,6 +369,20 @@ def test_the_extra_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
         command.serve()
 
 
+def test_a_browser_opens_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    served = []
+    monkeypatch.setattr(server, "serve", lambda settings, port, open_page: served.append((settings, port, open_page)))
+    for terminal in (True, False):
+        monkeypatch.setattr(sys.stdout, "isatty", lambda terminal=terminal: terminal)
+        for no_open in (True, False):
+            command.serve(
+                port=7, work_dir=str(tmp_path), no_open=no_open, workers=3, keep_days=2, allow_host=["cell-4"]
+            )
+    limits = Limits(workers=3, keep_days=2)
+    settings = Settings(tmp_path, limits, allowed_hosts=("cell-4",))
+    assert served == [(settings, 7, opened) for opened in (False, True, False, False)]
+
+
 def test_what_is_not_safe_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     token = tmp_path / "token"
     token.write_text(f"{TOKEN}\r\n")
