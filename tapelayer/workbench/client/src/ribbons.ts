@@ -59,16 +59,16 @@ export class Ribbons {
   private readonly chosen: Mesh<BufferGeometry>;
   private readonly tip: Mesh<BufferGeometry>;
   private readonly ahead: LineSegments<BufferGeometry>;
-  private readonly line: LineSegments<BufferGeometry>;
   private readonly paths: Int32Array;
   private readonly tapeColours: Uint8Array;
   private readonly materials = {
     tape: new MeshLambertMaterial({ vertexColors: true, side: DoubleSide }),
-    chosen: new MeshLambertMaterial({ color: 0xf08c00, side: DoubleSide, polygonOffset: true, polygonOffsetFactor: -2 }),
+    chosen: new MeshLambertMaterial({
+      ...{ color: 0xf08c00, side: DoubleSide, transparent: true, opacity: 0.8, depthWrite: false },
+      ...{ polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -8 },
+    }),
     path: new LineBasicMaterial({ color: 0x7d8995, transparent: true, opacity: 0.55 }),
-    line: new LineBasicMaterial({ color: 0xf08c00 }),
   };
-  private selected: Course | undefined;
   private pair = -1;
 
   constructor(private readonly table: Table) {
@@ -94,7 +94,6 @@ export class Ribbons {
     this.tip = new Mesh(tipGeometry(), this.materials.tape);
     const middles = new BufferAttribute(middlesOf(this.corners), 3);
     const paths = new BufferGeometry().setAttribute("position", middles).setIndex(this.segments());
-    this.line = new LineSegments(shared(paths), this.materials.line);
     for (const course of this.courses) {
       for (let corner = 2 * course.first; corner < 2 * course.end; corner++) {
         course.box.expandByPoint(POINT.fromArray(this.corners, 3 * corner));
@@ -102,7 +101,7 @@ export class Ribbons {
       this.box.union(course.box);
     }
     this.ahead = new LineSegments(paths, this.materials.path);
-    this.object.add(this.ahead, this.line, this.laid, this.rough, this.chosen, this.tip);
+    this.object.add(this.ahead, this.laid, this.rough, this.chosen, this.tip);
     for (const child of this.object.children) child.frustumCulled = false;
     this.colourByCourse();
     this.select(0);
@@ -121,19 +120,17 @@ export class Ribbons {
         mesh.geometry.setDrawRange(0, pair < 0 ? 0 : 6 * quads[pair]!);
       }
       this.ahead.geometry.setDrawRange(pair < 0 ? 0 : this.paths[pair]!, Infinity);
-      this.choose();
     }
     this.moveTip(time_s, moving ? this.coarse : this.fine);
   }
 
-  /** Marks a course; 0 is none. */
+  /** Marks a course, also where it is not laid yet; 0 is none. */
   select(number: number): void {
-    this.selected = this.courses.find((course) => course.number === number);
-    const { first, end } = this.selected ?? { first: 0, end: 1 };
-    const begin = this.paths[first]!;
-    this.line.geometry.setDrawRange(begin, this.paths[end - 1]! - begin);
-    this.line.visible = this.selected !== undefined;
-    this.choose();
+    const course = this.courses.find((each) => each.number === number);
+    this.chosen.visible = course !== undefined;
+    if (!course) return;
+    const begin = this.fine.quads[course.first]!;
+    this.chosen.geometry.setDrawRange(6 * begin, 6 * (this.fine.quads[course.end - 1]! - begin));
   }
 
   colourByCourse(): void {
@@ -190,16 +187,6 @@ export class Ribbons {
     B.fromArray(this.corners, 3 * (corner + half + 1));
     C.fromArray(this.corners, 3 * (corner + half + 2));
     return ray.intersectTriangle(A, B, C, false, POINT) ? ray.origin.distanceToSquared(POINT) : Infinity;
-  }
-
-  private choose(): void {
-    const { first, end } = this.selected ?? { first: 0, end: 0 };
-    const last = Math.min(this.pair, end - 1);
-    this.chosen.visible = last > first;
-    if (last > first) {
-      const { quads } = this.fine;
-      this.chosen.geometry.setDrawRange(6 * quads[first]!, 6 * (quads[last]! - quads[first]!));
-    }
   }
 
   /** The piece between what is drawn of the tape and the nip. */

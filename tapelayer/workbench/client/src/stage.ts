@@ -40,17 +40,21 @@ export class Stage {
   /** Gets what the job made onto the stage. */
   async furnish(): Promise<void> {
     if (!this.made || !this.motion) return;
-    const [part, tape, errors, coat] = await Promise.all(
-      (["part", "tape", "errors", "coat"] as const).map((name) => this.made!.table(name)),
-    );
-    if (part?.rows) this.addPart(part);
-    if (this.made.kind === "spray") this.furnishSpraying(coat ?? null);
-    else if (tape?.rows) {
-      this.ribbons = new Ribbons(tape);
-      this.object.add(this.ribbons.object);
-      this.work.union(this.ribbons.box);
+    const { made } = this;
+    const part = made.table("part");
+    if (made.kind === "spray") {
+      const coat = await made.table("coat");
+      this.addPart(await part);
+      this.furnishSpraying(coat, this.motion);
+      return;
     }
-    this.errors = errors ?? null;
+    const [tape, errors] = await Promise.all([made.table("tape"), made.table("errors")]);
+    this.addPart(await part);
+    this.errors = errors;
+    if (!tape?.rows) return;
+    this.ribbons = new Ribbons(tape);
+    this.object.add(this.ribbons.object);
+    this.work.union(this.ribbons.box);
   }
 
   /** Puts the machine and what it made where they are at a time of the program, on the way to a row; coarser while moving. */
@@ -108,7 +112,8 @@ export class Stage {
     for (const mesh of [this.part, this.cone]) mesh?.geometry.dispose();
   }
 
-  private addPart(table: Table): void {
+  private addPart(table: Table | null): void {
+    if (!table?.rows) return;
     const sprayed = this.made!.kind === "spray";
     const soup = new BufferGeometry().setAttribute("position", new BufferAttribute(pointsOf(table), 3));
     const material = new MeshLambertMaterial({
@@ -122,12 +127,12 @@ export class Stage {
     this.work.expandByObject(this.part);
   }
 
-  private furnishSpraying(coat: Table | null): void {
+  private furnishSpraying(coat: Table | null, motion: Motion): void {
     const { setup } = this.made!;
     const plating = setup["process"]?.["kind"] === "plating";
     const standoff = numberOf(setup, "spray", "standoff_mm", plating ? 0 : USUAL_STANDOFF_MM) * MM;
     this.machine.set("standoff", standoff);
-    this.passes = new Passes(this.machine, this.motion!);
+    this.passes = new Passes(this.machine, motion);
     this.object.add(this.passes.object);
     const working = this.machine.frame("P");
     const spot = numberOf(setup, "spray", "spot_mm", 0) * MM;
