@@ -111,10 +111,19 @@ export function plain(value: number): string {
   return String(Number(value.toPrecision(7)));
 }
 
+// Why a quantity has no number, where it is not that it could not be measured.
+const ABSENT: Record<string, string> = {
+  least_link_clearance_mm: "report.no_link",
+  max_crease_deviation_deg: "report.none",
+  coverage_percent: "report.none",
+  cv_percent: "report.none",
+  cv_interior_percent: "report.none",
+};
+
 /** A number of the report with its unit, or why there is none. */
 export function shown(value: unknown, { key, unit, digits }: Quantity, t: Translate): string {
   if (typeof value === "number") return `${fixed(value, digits)} ${unit}`.trimEnd();
-  return t(key === "least_link_clearance_mm" ? "report.no_link" : "report.not_measured");
+  return t(ABSENT[key] ?? "report.not_measured");
 }
 
 const UNITS: [string, string][] = [

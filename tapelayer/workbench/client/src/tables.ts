@@ -39,11 +39,11 @@ export function link(text: string, title: string, act: () => void): HTMLButtonEl
   return h("button", { type: "button", class: "link", title, onclick: act }, text);
 }
 
-/** A range within its bounds as a bar, red where it failed. */
-export function bar(begin: number, end: number, low: number, high: number, failed: boolean): HTMLElement {
+/** A range within its bounds as a bar; `beyond` is red, `unjudged` yellow. */
+export function bar(begin: number, end: number, low: number, high: number, state: "" | "beyond" | "unjudged"): HTMLElement {
   const share = (value: number): number => Math.min(Math.max((value - low) / (high - low), 0), 1);
   const left = Math.min(share(begin), 0.98);
-  const used = h("span", { class: failed ? "used beyond" : "used" });
+  const used = h("span", { class: `used ${state}` });
   used.style.left = `${100 * left}%`;
   used.style.width = `${100 * Math.max(share(end) - left, 0.02)}%`;
   return h("span", { class: "bar", "aria-hidden": "true" }, used);

@@ -20,19 +20,47 @@ function beyondUnjudged(made: Made): Quantity[] {
   });
 }
 
+/** Course or pass of a failure, 0 where none applies. */
+const courseOf = (failure: Failure): number => Number(failure.course ?? failure["pass"] ?? 0);
+
+/** Time at which a quantity is worst in a course or pass; NaN where it was not measured along it. */
+async function worst(made: Made, what: string, course: number): Promise<number> {
+  const table = await made.table("errors");
+  if (!table || table.index(what) < 0) return Number.NaN;
+  const courses = table.column(table.index("pass") < 0 ? "course" : "pass");
+  // What could not be measured is worse than any number.
+  const sizes = table.column(what).map((value) => (Number.isNaN(value) ? Infinity : Math.abs(value)));
+  let found = -1;
+  courses.forEach((each, row) => {
+    if (each === course && (found < 0 || sizes[row]! > sizes[found]!)) found = row;
+  });
+  return found < 0 ? Number.NaN : table.at(found, "time_s");
+}
+
+/** Takes the machine to a failure: to its line, else to its worst moment, else to its course. */
+async function goTo(made: Made, failure: Failure, clock: Clock, selection: Selection): Promise<void> {
+  const course = courseOf(failure);
+  if (course) selection.select(course);
+  if (failure.line) {
+    clock.seekLine(failure.line);
+    return;
+  }
+  clock.seekCourse(course);
+  const { row } = clock;
+  const time = await worst(made, failure.what, course);
+  // Whoever went on meanwhile is left where they are.
+  if (Number.isFinite(time) && clock.row === row) clock.seekTime(time);
+}
+
 /** Button to the place of a failure; a dash where it has none. */
-function place(failure: Failure, clock: Clock, t: Translate, selection: Selection): Node | string {
+function place(made: Made, failure: Failure, clock: Clock, t: Translate, selection: Selection): Node | string {
   const { line, point } = failure;
-  const course = Number(failure.course ?? failure["pass"] ?? 0);
+  const course = courseOf(failure);
   if (!line && !course) return "–";
   const parts = line ? [t("place.line", { line })] : [];
   if (course) parts.push(t("pass" in failure ? "place.pass" : "place.course", { course }));
   if (course && point) parts.push(t("place.point", { point }));
-  return link(parts.join(", "), t("place.go"), () => {
-    if (course) selection.select(course);
-    if (line) clock.seekLine(line);
-    else clock.seekCourse(course);
-  });
+  return link(parts.join(", "), t("place.go"), () => void goTo(made, failure, clock, selection));
 }
 
 /** The failures with buttons to their places. */
@@ -41,7 +69,7 @@ export function failuresTable(made: Made, clock: Clock, t: Translate, selection:
   const rows = failures
     .slice(0, SHOWN_FAILURES)
     .map((failure) => [
-      place(failure, clock, t, selection),
+      place(made, failure, clock, t, selection),
       failureName(failure, t),
       failureValue(failure.value, failure.what, t),
       failure.limit === null ? "–" : failureValue(failure.limit, failure.what, t),
@@ -71,7 +99,8 @@ export const createBadge: CreatePanel = (root, _clock, t) => {
       const quantity = ALL[kind].find((found) => found.key === key)!;
       return h("span", {}, `${t(`quantity.${key}`)} `, h("b", {}, shown(report[key], quantity, t)));
     });
-    const free = unjudged.map(({ key }) => h("span", {}, t("verdict.unjudged", { what: t(`quantity.${key}`) })));
+    const what = unjudged.map(({ key }) => t(`quantity.${key}`)).join(", ");
+    const free = what ? [h("b", {}, t("verdict.unjudged", { what }))] : [];
     badge.replaceChildren(h("strong", {}, word), ...free, ...numbers);
   }
 
@@ -99,7 +128,7 @@ function quantitiesTable(made: Made, t: Translate): HTMLElement {
     if (!limit) return [...row, "", "", ""];
     const measured = typeof value === "number";
     const share = measured ? `${fixed((100 * value) / limit.value, 0)} %` : "";
-    const beyond = !(measured && value <= limit.value);
+    const beyond = measured && value <= limit.value ? "" : limit.judged ? "beyond" : "unjudged";
     return [
       ...row,
       `${plain(limit.value)} ${quantity.unit}`,
@@ -116,7 +145,7 @@ function axesTable(made: Made, t: Translate): HTMLElement {
   const failed = new Set(made.report.failures.map(({ what }) => what));
   const number = (value: number | null): string => (value === null ? "–" : fixed(value, 2));
   const drawn = (begin: number | null, end: number | null, low: number, high: number, what: string): Node | string =>
-    begin === null || end === null ? "" : bar(begin, end, low, high, failed.has(what));
+    begin === null || end === null ? "" : bar(begin, end, low, high, failed.has(what) ? "beyond" : "");
   const row = ([name, axis]: [string, AxisReport]): (Node | string)[] => {
     const { unit, min, max, max_speed: top } = axis;
     const [lower, upper, limit] = [axis.lower!, axis.upper!, axis.speed_limit!];
