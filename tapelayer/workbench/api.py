@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
 from tapelayer.workbench.foreman import Foreman, Message
-from tapelayer.workbench.problems import Problem, responses
+from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 from tapelayer.workbench.setups import JobKind
 from tapelayer.workbench.store import Record, State, Store, write_request
 from tapelayer.workbench.submission import JOB_FIELDS, VERIFY_FIELDS, job_request, verify_request
@@ -142,11 +142,6 @@ REFUSED_FORMS = (
     ),
     *("xml-refused", "queue-full", "target-not-writable"),
 )
-EVERYWHERE = (
-    *("token-required", "wrong-token", "too-many-attempts", "host-not-allowed", "invalid-request", "internal"),
-    "server-stopped",
-)
-
 ACCEPTED: dict[int | str, dict[str, Any]] = {202: {"headers": {"Location": {"schema": {"type": "string"}}}}}
 
 router = APIRouter(prefix="/api/v1", tags=["jobs"], responses=responses(*EVERYWHERE))

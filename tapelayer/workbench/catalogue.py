@@ -14,8 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from post import controllers
 from tapelayer.machine import Axis, Machine
 from tapelayer.setup import DEG, MM
-from tapelayer.workbench.api import EVERYWHERE, content
-from tapelayer.workbench.problems import Problem, responses
+from tapelayer.workbench.api import content
+from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 from tapelayer.workbench.setups import MODELS, JobKind, Values, text_of_values, values_of
 from urdf import SPRAYER, TAPELAYER
 

@@ -17,9 +17,8 @@ from tapelayer.arrays import Floats, Mask
 from tapelayer.machine import Machine
 from tapelayer.setup import DEG, MM
 from tapelayer.spraying import AXES
-from tapelayer.workbench.api import EVERYWHERE
 from tapelayer.workbench.catalogue import machine_of
-from tapelayer.workbench.problems import responses
+from tapelayer.workbench.problems import EVERYWHERE, responses
 
 MOST_ROWS = 100_000
 # Millimetres, degrees and vectors beyond it are mistakes, and their squares would be no numbers.

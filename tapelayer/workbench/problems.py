@@ -159,6 +159,17 @@ CODES: dict[str, Kind] = {
     ),
 }
 
+# What any route may answer, before it is asked or while it works.
+EVERYWHERE = (
+    "token-required",
+    "wrong-token",
+    "too-many-attempts",
+    "host-not-allowed",
+    "invalid-request",
+    "internal",
+    "server-stopped",
+)
+
 
 class Problem(Exception):
     """Something that a client asked for cannot be done.

@@ -25,7 +25,7 @@ from types import FrameType
 from typing import Annotated
 
 import uvicorn
-from fastapi import FastAPI, Request, Response
+from fastapi import APIRouter, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, Field
@@ -50,7 +50,7 @@ from tapelayer.workbench.access import (
     problem_response,
 )
 from tapelayer.workbench.foreman import Foreman, Limits
-from tapelayer.workbench.problems import CODES, Problem, problem_of, responses
+from tapelayer.workbench.problems import CODES, EVERYWHERE, Problem, problem_of, responses
 from tapelayer.workbench.store import Store
 
 STATIC = Path(__file__).parent / "static"
@@ -200,16 +200,22 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(Loading, light=access.open_paths)
     app.add_middleware(Guard, access=access, gate=gate)
     answer_problems(app)
-    app.add_api_route(HEALTH, health, tags=["server"])
-    app.add_api_route(SESSION, session, tags=["session"])
-    signing_in = responses("wrong-token", "invalid-request", "too-many-attempts", "foreign-origin", "upload-too-large")
-    app.add_api_route(SESSION, sign_in, methods=["POST"], status_code=204, responses=signing_in, tags=["session"])
-    signing_out = responses("foreign-origin")
-    app.add_api_route(SESSION, sign_out, methods=["DELETE"], status_code=204, responses=signing_out, tags=["session"])
+    app.include_router(_front())
     app.add_api_route(DOCS, docs, include_in_schema=False)
     app.add_api_route(PROBLEMS + "{code}", meaning, include_in_schema=False)
     app.router.default = StaticFiles(directory=STATIC, html=True)
     return app
+
+
+def _front() -> APIRouter:
+    """The routes that need nothing of the library."""
+    router = APIRouter(responses=responses(*EVERYWHERE))
+    router.add_api_route(HEALTH, health, tags=["server"])
+    router.add_api_route(SESSION, session, tags=["session"])
+    unsafe = responses("foreign-origin", "upload-too-large")
+    router.add_api_route(SESSION, sign_in, methods=["POST"], status_code=204, responses=unsafe, tags=["session"])
+    router.add_api_route(SESSION, sign_out, methods=["DELETE"], status_code=204, responses=unsafe, tags=["session"])
+    return router
 
 
 def answer_problems(app: FastAPI) -> None:
