@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from tapelayer.arrays import Floats
-from tapelayer.machine import Axis
 from tapelayer.setup import DEG, MM
 from tapelayer.trajectory import Kind, Trajectory
+
+if TYPE_CHECKING:
+    # Whoever tells findings only needs no model.
+    from tapelayer.machine import Axis
 
 # A feed word of six digits and the time made from it agree this well.
 FEED_DIGITS = 1e-5
