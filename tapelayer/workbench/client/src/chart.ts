@@ -96,7 +96,6 @@ export class ChartView {
     const frame = this.plot.root.parentElement!;
     this.plot.setSize({ width: frame.clientWidth, height: frame.clientHeight });
     this.plot.setData(this.thinned());
-    this.follow();
   }
 
   /** Puts the clock's line at its time. */
@@ -133,7 +132,8 @@ export class ChartView {
       series: [{}, ...lines],
       hooks: {
         drawClear: [(plot) => this.shade(plot)],
-        draw: [(plot) => this.rule(plot)],
+        // Only now is it known where a time lies in the chart.
+        draw: [(plot) => this.rule(plot), () => this.follow()],
         setSelect: [(plot) => this.selected(plot)],
         setCursor: [(plot) => this.point(plot)],
       },

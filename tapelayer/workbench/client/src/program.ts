@@ -276,7 +276,8 @@ class ProgramView implements ProgramPanel {
     if (made && program !== null) {
       this.download.href = made.url("program");
       this.download.download = "";
-      this.root.replaceChildren(this.bar, this.host);
+      // Taken off the page for a moment, the program would lose its place.
+      if (!this.host.isConnected) this.root.replaceChildren(this.bar, this.host);
       return;
     }
     this.download.removeAttribute("href");
@@ -302,7 +303,7 @@ class ProgramView implements ProgramPanel {
         chosen,
         look,
         search({ top: true }),
-        keymap.of([...searchKeymap, ...standardKeymap]),
+        keymap.of([{ key: "Space", run: () => this.toggle() }, ...searchKeymap, ...standardKeymap]),
         this.words.of(this.phrases()),
         EditorView.updateListener.of((update) => this.moved(update)),
       ],
@@ -327,6 +328,12 @@ class ProgramView implements ProgramPanel {
     this.clock.pause();
     this.clock.seekLine(lines[Math.min(row, lines.length - 1)]!);
     this.follow(false);
+  }
+
+  /** Nothing is typed in the program: the space bar plays here as well. */
+  private toggle(): boolean {
+    this.clock.toggle();
+    return true;
   }
 
   /** Keys that the editor uses are not the page's shortcuts. */
