@@ -5,7 +5,7 @@ import type { Clock, CreatePlayer, Kind, Made } from "./panels";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 50];
 // A page that was in the background goes on where it was.
-const LONGEST_FRAME_S = 0.25;
+const LONGEST_FRAME_S = 1;
 
 /** A number as machine people read it: fixed digits, and no minus before zero. */
 function fixed(value: number, digits: number): string {
