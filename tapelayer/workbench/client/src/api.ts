@@ -137,17 +137,18 @@ export interface Schema {
   exclusiveMaximum?: number;
 }
 
-const schemas = new Map<Kind, Promise<Schema>>();
+const answers = new Map<string, Promise<unknown>>();
 
-/** JSON schema of a kind's setup, asked for once. */
-export function setupSchema(kind: Kind): Promise<Schema> {
-  const found = schemas.get(kind);
-  if (found) return found;
-  const asked = askJson<Schema>(`/setup-schema?kind=${kind}`);
-  schemas.set(kind, asked);
-  asked.catch(() => schemas.delete(kind));
-  return asked;
+/** Asks for what stays as it is while the server runs; asks again only where that failed. */
+function askOnce<T>(path: string): Promise<T> {
+  const found = answers.get(path) ?? askJson<T>(path);
+  answers.set(path, found);
+  found.catch(() => answers.delete(path));
+  return found as Promise<T>;
 }
+
+/** JSON schema of a kind's setup. */
+export const setupSchema = (kind: Kind): Promise<Schema> => askOnce(`/setup-schema?kind=${kind}`);
 
 /** The values of a setup with the defaults of every key that is not set. */
 function effective(schema: Schema, values: SetupValues): SetupValues {
@@ -165,11 +166,11 @@ export interface Machine {
 }
 
 export async function machines(): Promise<Machine[]> {
-  return (await askJson<{ machines: Machine[] }>("/machines")).machines;
+  return (await askOnce<{ machines: Machine[] }>("/machines")).machines;
 }
 
 export async function controllers(): Promise<Controller[]> {
-  return (await askJson<{ controllers: Controller[] }>("/controllers")).controllers;
+  return (await askOnce<{ controllers: Controller[] }>("/controllers")).controllers;
 }
 
 export async function examples(): Promise<Example[]> {
@@ -254,6 +255,9 @@ export async function jobSetup({ id, kind }: Job): Promise<SetupValues> {
   return parseSetup(kind, await (await ask(`/jobs/${id}/setup`)).text());
 }
 
+// Nobody need ask for what the other machine makes.
+const OTHERS: Record<Kind, TableName> = { lay: "coat", spray: "tape" };
+
 /** Everything a finished or judged-bad job made that the page shows at once; the rest comes when asked for. */
 export async function load(made: Job): Promise<Made> {
   const path = `/jobs/${made.id}`;
@@ -266,7 +270,10 @@ export async function load(made: Job): Promise<Made> {
     setupSchema(kind),
     unless(["program-withheld"], ask(`${path}/program`).then((response) => response.text())),
   ]);
-  const tables = new Map<TableName, Promise<Table | null>>([["poses", Promise.resolve(poses)]]);
+  const tables = new Map<TableName, Promise<Table | null>>([
+    ["poses", Promise.resolve(poses)],
+    [OTHERS[kind], Promise.resolve(null)],
+  ]);
   return {
     job: made,
     kind,

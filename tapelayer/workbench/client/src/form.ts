@@ -1,4 +1,4 @@
-import { machines, setupSchema, type Controller, type Machine } from "./api";
+import { controllers, machines, setupSchema, type Controller } from "./api";
 import { h } from "./elements";
 import { fieldOf, plain, type Field } from "./fields";
 import type { Fault, Kind, SetupValues } from "./panels";
@@ -46,7 +46,7 @@ function unitOf(key: string): string {
 }
 
 /** The parameters as a form, made from the setup's schema; only what differs from the defaults is a value. */
-export function createForm(root: HTMLElement, controllers: () => Controller[], files: () => string[]): Form {
+export function createForm(root: HTMLElement, files: () => string[]): Form {
   const drafts: Record<Kind, SetupValues> = {
     lay: remembered<SetupValues>("setup.lay", {}),
     spray: remembered<SetupValues>("setup.spray", {}),
@@ -54,10 +54,10 @@ export function createForm(root: HTMLElement, controllers: () => Controller[], f
   let rows: Row[] = [];
   let counts = new Map<string, HTMLElement>();
   let current: Kind = "lay";
-  let models: Machine[] = [];
+  let controls: Controller[] = [];
 
   const choices = (key: string): { value: string; title: string }[] => {
-    const built = key === "controller" ? controllers().map(({ name, title }) => ({ value: name, title })) : [];
+    const built = key === "controller" ? controls.map(({ name, title }) => ({ value: name, title })) : [];
     const ending = { controller: /\.toml$/i, urdf: /\.urdf$/i }[key] ?? /(?<!\.urdf|\.toml)$/i;
     return [...built, ...files().filter((name) => ending.test(name)).map((value) => ({ value, title: value }))];
   };
@@ -101,9 +101,9 @@ export function createForm(root: HTMLElement, controllers: () => Controller[], f
 
   return {
     async show(kind) {
-      const [schema, all] = await Promise.all([setupSchema(kind), models.length ? models : machines()]);
-      models = all;
+      const [schema, models, built] = await Promise.all([setupSchema(kind), machines(), controllers()]);
       current = kind;
+      controls = built;
       const machine = models.find(({ name }) => name === (kind === "lay" ? "tapelayer" : "sprayer"));
       const around = { choices, axes: machine?.axes ?? [] };
       const openSections = remembered<string[]>(`open.${kind}`, ["part", "process", "spray"]);

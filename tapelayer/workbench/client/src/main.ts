@@ -24,6 +24,8 @@ import { createBadge, createVerdict } from "./verdict";
 
 const DOWNLOADS = ["report.html", "report.json", "setup"] as const;
 
+// The server answers while the panels are made.
+const session = api.session();
 setLanguage(currentLanguage());
 startTheme(() => panels.forEach((panel) => panel.retheme?.()));
 
@@ -55,21 +57,6 @@ layout.header.append(
   settings,
 );
 
-const player = createPlayer(layout.player, t);
-const { clock } = player;
-const scene = createScene(layout.scene, clock, t, selection);
-const program = createProgram(layout.program, clock, t, selection);
-const panels: Panel[] = [
-  player,
-  scene,
-  program,
-  createBadge(badge, clock, t, selection),
-  createVerdict(layout.tab("verdict"), clock, t, selection),
-  createPlots(layout.tab("plots"), clock, t, selection),
-  createLedger(layout.tab("ledger"), clock, t, selection),
-];
-
-let controllers: api.Controller[] = [];
 let current: string | null = null;
 let made: Made | null = null;
 
@@ -77,7 +64,7 @@ const importRoot = h("section", { class: "import" });
 const formRoot = h("div", { testid: "setup-form", class: "form" });
 const runRoot = h("section", { class: "run" });
 const input = createImport(importRoot, changeKind, notice.report);
-const form = createForm(formRoot, () => controllers, () => input.parts.map(({ name }) => name));
+const form = createForm(formRoot, () => input.parts.map(({ name }) => name));
 const running = createRunning(runRoot, () => void generate(), notice.report);
 const list = createJobList(layout.tab("jobs"), (id) => void open(id), (id) => id === current && clear(), notice.report);
 layout.onTab((name) => name === "jobs" && list.refresh());
@@ -101,6 +88,49 @@ layout.left.append(
   ),
   runRoot,
 );
+document.title = t("page.title");
+
+const signedIn = startSession(session, settings);
+start().catch(notice.report);
+
+// A 3D view takes its time to begin with: what there is of the page is seen before, and the server is asked meanwhile.
+const welcome = await signedIn.catch(() => false);
+await new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
+const player = createPlayer(layout.player, t);
+const { clock } = player;
+const scene = createScene(layout.scene, clock, t, selection);
+const program = createProgram(layout.program, clock, t, selection);
+const panels: Panel[] = [
+  player,
+  scene,
+  program,
+  createBadge(badge, clock, t, selection),
+  createVerdict(layout.tab("verdict"), clock, t, selection),
+  createPlots(layout.tab("plots"), clock, t, selection),
+  createLedger(layout.tab("ledger"), clock, t, selection),
+];
+startShortcuts(clock, {
+  search: () => program.openSearch(),
+  generate: () => void generate(),
+  help: () => help.showModal(),
+  tab: layout.showTab,
+});
+addEventListener("hashchange", () => {
+  const id = fromAddress();
+  if (id && id !== current) void open(id);
+});
+if (welcome) {
+  scene.idle(input.kind);
+  const id = fromAddress();
+  if (id) void open(id);
+}
+
+/** Fills what can be set from the server. */
+async function start(): Promise<void> {
+  if (!(await signedIn)) return;
+  input.start();
+  await form.show(input.kind);
+}
 
 function changeKind(kind: Kind): void {
   form.show(kind).catch(notice.report);
@@ -188,8 +218,9 @@ async function open(id: string): Promise<void> {
   notice.clear();
   try {
     const job = await api.job(id);
-    const setup = await api.jobSetup(job);
-    const parts = await Promise.all(namesIn(setup).map((name) => api.partFile(job, name)));
+    const [setup, controllers] = await Promise.all([api.jobSetup(job), api.controllers()]);
+    const builtIn = controllers.map(({ name }) => name);
+    const parts = await Promise.all(namesIn(setup, builtIn).map((name) => api.partFile(job, name)));
     if (id !== current) return;
     accepted(job);
     const source = { name: job.name, file: () => api.sourceFile(job) };
@@ -204,9 +235,9 @@ async function open(id: string): Promise<void> {
 }
 
 /** Values of a setup that may name files which came along. */
-function namesIn({ machine, output, footprint }: SetupValues): string[] {
+function namesIn({ machine, output, footprint }: SetupValues, builtIn: string[]): string[] {
   const named = [machine?.["urdf"], output?.["controller"], footprint?.["profile"]];
-  return named.filter((name) => typeof name === "string" && !controllers.some((each) => each.name === name)) as string[];
+  return named.filter((name) => typeof name === "string").filter((name) => !builtIn.includes(name));
 }
 
 function fileName({ name }: Job, what: (typeof DOWNLOADS)[number]): string {
@@ -252,27 +283,3 @@ function retranslate(next: Language): void {
 function fromAddress(): string | undefined {
   return /^#job=([0-9a-f]{32})$/.exec(location.hash)?.[1];
 }
-
-startShortcuts(clock, {
-  search: () => program.openSearch(),
-  generate: () => void generate(),
-  help: () => help.showModal(),
-  tab: layout.showTab,
-});
-
-addEventListener("hashchange", () => {
-  const id = fromAddress();
-  if (id && id !== current) void open(id);
-});
-
-document.title = t("page.title");
-startSession(settings, () => {
-  scene.idle(input.kind);
-  input.start();
-  form.show(input.kind).catch(notice.report);
-  void (async () => {
-    controllers = await api.controllers();
-    const id = fromAddress();
-    if (id) await open(id);
-  })().catch(notice.report);
-}).catch(notice.report);

@@ -1,9 +1,9 @@
-import { onUnauthorized, Refused, session, signIn, signOut } from "./api";
+import { onUnauthorized, Refused, signIn, signOut, type Session } from "./api";
 import { dialog, h } from "./elements";
 import { problemTitle } from "./i18n";
 
-/** Asks for the token where the server wants one; `ready` runs once the page may talk to it. */
-export async function startSession(header: HTMLElement, ready: () => void): Promise<void> {
+/** Asks for the token where the server wants one; gives whether the page may talk to it already. */
+export async function startSession(asked: Promise<Session>, header: HTMLElement): Promise<boolean> {
   const token = h("input", { type: "password", id: "token", testid: "token", autocomplete: "current-password", required: true, autofocus: true });
   const wrong = h("p", { class: "fault", role: "alert" });
   const send = h("button", { type: "submit", class: "primary", testid: "sign-in-send", t: "sign-in" });
@@ -24,14 +24,14 @@ export async function startSession(header: HTMLElement, ready: () => void): Prom
     );
   });
   onUnauthorized(open);
-  const { token_required, signed_in } = await session();
+  const { token_required, signed_in } = await asked;
   if (token_required && !signed_in) {
     open();
-    return;
+    return false;
   }
   if (token_required) {
     const leave = (): void => void signOut().then(() => location.reload());
     header.append(h("button", { type: "button", testid: "sign-out", t: "sign-out", onclick: leave }));
   }
-  ready();
+  return true;
 }
