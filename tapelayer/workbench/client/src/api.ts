@@ -71,7 +71,7 @@ function postJson(path: string, value: unknown): Promise<Response> {
 }
 
 /** A table of little-endian float32 values as the server sends it. */
-export function tableOf(data: Float32Array, columns: string[], times: number[] = [], unit = ""): Table {
+function tableOf(data: Float32Array, columns: string[], times: number[] = [], unit = ""): Table {
   const width = columns.length;
   const rows = width ? data.length / width : 0;
   const index = (name: string): number => columns.indexOf(name);
@@ -105,12 +105,12 @@ async function table(id: string, name: TableName): Promise<Table> {
   return tableOf(new Float32Array(await response.arrayBuffer()), columns, times, response.headers.get("X-Unit") ?? "");
 }
 
-/** The value, or null where this kind of job has none or the server withholds it. */
-async function unless<T>(codes: string[], promise: Promise<T>): Promise<T | null> {
+/** The value, or null where the server says by this code that there is none. */
+async function unless<T>(code: string, promise: Promise<T>): Promise<T | null> {
   try {
     return await promise;
   } catch (error) {
-    if (error instanceof Refused && codes.includes(error.problem.code)) return null;
+    if (error instanceof Refused && error.problem.code === code) return null;
     throw error;
   }
 }
@@ -188,7 +188,7 @@ export async function sourceFile({ id, name }: Job): Promise<File> {
 
 /** A file that came along with a job, by its name; null where none of that name did. */
 export async function partFile({ id }: Job, name: string): Promise<File | null> {
-  const response = await unless(["not-found"], ask(`/jobs/${id}/parts/${encodeURIComponent(name)}`));
+  const response = await unless("not-found", ask(`/jobs/${id}/parts/${encodeURIComponent(name)}`));
   return response && new File([await response.blob()], name);
 }
 
@@ -268,7 +268,8 @@ export async function load(made: Job): Promise<Made> {
     askJson<Blocks>(`${path}/blocks`),
     jobSetup(made),
     setupSchema(kind),
-    unless(["program-withheld"], ask(`${path}/program`).then((response) => response.text())),
+    // A program that was judged bad is withheld.
+    made.state === "done" ? ask(`${path}/program`).then((response) => response.text()) : null,
   ]);
   const tables = new Map<TableName, Promise<Table | null>>([
     ["poses", Promise.resolve(poses)],
@@ -285,7 +286,7 @@ export async function load(made: Job): Promise<Made> {
     program,
     url: (what) => `${ROOT}${path}/${what}`,
     table(name) {
-      const found = tables.get(name) ?? unless(["not-made"], table(made.id, name));
+      const found = tables.get(name) ?? unless("not-made", table(made.id, name));
       tables.set(name, found);
       return found;
     },

@@ -5,12 +5,12 @@ const STEPS = ["import", "setup", "generate", "look", "verdict", "take"];
 const AXES = ["x", "y", "z", "c", "a", "u", "v", "d", "q", "e"];
 const SPRAY_AXES = ["x", "y", "z", "theta", "phi"];
 
-// The first eleven are those of the paper's Table 2; the table ends in dots, and what it leaves open is assigned.
+// The paper's Table 2; it ends in dots, and what it leaves open is assigned.
 const PRINTED = ["G00", "G01", "G02", "G03", "G04", "G90", "G91", "M20", "M21", "M22", "M23", "M24"];
 const ASSIGNED = ["M25", "M26", "M27", "M28", "M32", "M33", "M00", "M30", "F"];
 const SPRAY_WORDS = ["M08", "M09", "M03", "M05"];
 
-export const KEYS: [keys: string, key: string][] = [
+const KEYS: [keys: string, key: string][] = [
   ["Space", "play"],
   ["← →", "step"],
   ["Shift ← →", "leap"],

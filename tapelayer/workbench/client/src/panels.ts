@@ -144,7 +144,6 @@ export interface Panel {
   clear(): void;
   retranslate(): void;
   retheme?(): void;
-  dispose?(): void;
 }
 
 export interface ScenePanel extends Panel {
@@ -167,12 +166,3 @@ export type CreatePanel<P extends Panel = Panel> = (
   t: Translate,
   selection: Selection,
 ) => P;
-
-export interface PanelModules {
-  "player.ts": { createPlayer: CreatePlayer };
-  "scene.ts": { createScene: CreatePanel<ScenePanel> };
-  "program.ts": { createProgram: CreatePanel<ProgramPanel> };
-  "plots.ts": { createPlots: CreatePanel };
-  "verdict.ts": { createVerdict: CreatePanel; createBadge: CreatePanel };
-  "ledger.ts": { createLedger: CreatePanel };
-}
