@@ -21,11 +21,13 @@ class Workbench:
     """`tapelayer serve` on a work directory, with further options; its end is waited for.
 
     Attributes:
+        work: the work directory.
         url: where it listens.
         process: the server.
     """
 
     def __init__(self, work: Path, *options: object) -> None:
+        self.work = work
         command = [*COMMAND, "--work-dir", str(work), *map(str, options)]
         self.process = subprocess.Popen(
             command, cwd=ROOT, stdout=subprocess.PIPE, text=True, env=os.environ | {"NO_COLOR": "1"}

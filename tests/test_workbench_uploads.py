@@ -63,6 +63,19 @@ def test_a_form_is_what_was_sent_however_it_is_cut(tmp_path: Path, size: int) ->
     }
 
 
+def test_a_form_as_dot_net_sends_it(tmp_path: Path) -> None:
+    """Names without quotation marks, a boundary with them, a file's name in two ways."""
+    encoded = Header("铺层.txt", "utf-8").encode()
+    body = (
+        "--a-b\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Disposition: form-data; name=kind\r\n\r\nlay\r\n"
+        f'--a-b\r\nContent-Disposition: form-data; name=file; filename="{encoded}"; '
+        "filename*=utf-8''%E9%93%BA%E5%B1%82.txt\r\n\r\nstart\r\n--a-b--\r\n"
+    )
+    form = received(tmp_path, body.encode(), 'multipart/form-data; boundary="a-b"')
+    assert (form.texts, form.names) == ({"kind": b"lay"}, {"file": "铺层.txt"})
+    assert (tmp_path / "file").read_bytes() == b"start"
+
+
 @pytest.mark.parametrize(
     ("sent", "name"),
     [
