@@ -21,6 +21,7 @@ from served import ROOT, Client, Workbench
 from tapelayer.cli import main
 from tapelayer.job import Job
 from tapelayer.setup import Setup, parse_setup
+from tapelayer.workbench import api
 from urdf import TAPELAYER
 
 EXAMPLES = ROOT / "examples"
@@ -175,6 +176,19 @@ def test_what_the_page_draws_of_a_spraying_job(client: Client, sprayed: dict[str
     assert_problem(client.result(job, "tape"), "not-made", 404)
 
 
+def test_what_a_job_lists_is_what_it_has(
+    client: Client, laid: dict[str, Any], sprayed: dict[str, Any], judged_bad: dict[str, Any]
+) -> None:
+    for job, missing in (
+        (laid, {"trajectory", "part", "coat"}),
+        (sprayed, {"tape"}),
+        (judged_bad, {"program", "trajectory", "part", "coat"}),
+    ):
+        assert set(api.RESULTS) - set(job["results"]) == missing
+        given = {name for name in api.RESULTS if client.result(job["id"], name).status_code == 200}
+        assert given == set(job["results"])
+
+
 def test_a_mould_is_shown(client: Client, wave: bytes) -> None:
     job = client.made("panel.txt", FLAT, mould=wave)
     assert len(table(client, job["id"], "part")[1]) == 3 * 60
@@ -185,9 +199,8 @@ def test_events_tell_the_whole_way(client: Client) -> None:
     events = list(client.follow(job))
     names = [name for name, _ in events]
     assert names[0] == "state" and names[-1] == "done" and set(names) == {"state", "progress", "done"}
-    assert {"id", "kind", "name", "state", "progress", "stage", "created_at", "summary", "error", "mine"} == set(
-        events[0][1]
-    )
+    keys = "id kind name state progress stage created_at summary error results mine"
+    assert set(keys.split()) == set(events[0][1])
     progress = [data["progress"] for _, data in events]
     assert progress == sorted(progress) and progress[-1] == 1
     states = [data["state"] for name, data in events if name != "progress"]

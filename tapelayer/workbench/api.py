@@ -79,6 +79,7 @@ class Job(BaseModel):
     created_at: Annotated[str, Field(json_schema_extra={"format": "date-time"})]
     summary: Annotated[Summary | None, Field(description="null where nothing was made")]
     error: Annotated[ProblemDetails | None, Field(description="null where there is none")]
+    results: Annotated[list[str], Field(description="what there is below the job's address; empty until it ends")]
     mine: Annotated[bool, Field(description="whether who asks is its owner")]
     owner_key: Annotated[
         str, Field(description="only in the answer to a new job, and where the request named no owner; keep it")
@@ -142,6 +143,29 @@ REFUSED_FORMS = (
     ),
     *("xml-refused", "queue-full", "target-not-writable"),
 )
+# File, media type and description of what a job may have made, by address.
+FILES = {
+    "report.json": ("report.json", "application/json", "Show the report."),
+    "report.html": ("report.html", "text/html", "Show the report as a page."),
+    "trajectory": ("trajectory.txt", "text/plain", "Show the gun's poses in the part's frame (spray)."),
+    "urdf": ("machine.urdf", "application/xml", "Show the machine's URDF."),
+    "blocks": ("blocks.json", "application/json", "Show line, course, kind and event of each row of the poses."),
+}
+TABLES = {
+    "poses": "Show every axis at the end of each block, and between where a block is an arc.",
+    "speeds": "Show the speed of each axis in the motion that ends in the row.",
+    "errors": "Show what verification measured along the courses or passes.",
+    "tape": "Show the edges of the tape as it is laid, in `machine` axes (lay).",
+    "part": "Show the part, or the mould that came along, as triangles in `machine` axes.",
+    "coat": "Show the coat growing on the part: points in `machine` axes, thickness at X-Times (spray).",
+}
+PROGRAM = "program.nc"
+RESULTS = (
+    {"program": PROGRAM}
+    | {address: file for address, (file, *_) in FILES.items()}
+    | {name: f"{name}.f32" for name in TABLES}
+)
+
 ACCEPTED: dict[int | str, dict[str, Any]] = {202: {"headers": {"Location": {"schema": {"type": "string"}}}}}
 
 router = APIRouter(prefix="/api/v1", tags=["jobs"], responses=responses(*EVERYWHERE))
@@ -248,7 +272,7 @@ def program(record: Found, request: Request) -> FileResponse:
     if record.error and record.error["code"] == "verification-failed":
         evidence = {key: record.error[key] for key in ("failures", "failure_count") if key in record.error}
         raise Problem("program-withheld", f"verification judged the program bad: {record.error['detail']}", **evidence)
-    path = _result(record, request, "program.nc")
+    path = _result(record, request, PROGRAM)
     return FileResponse(path, media_type="text/plain", filename=f"{Path(record.name).stem}.nc")
 
 
@@ -327,17 +351,10 @@ def _add_table(name: str, description: str) -> None:
     )
 
 
-_add_file("report.json", "report.json", "application/json", "Show the report.")
-_add_file("report.html", "report.html", "text/html", "Show the report as a page.")
-_add_file("trajectory", "trajectory.txt", "text/plain", "Show the gun's poses in the part's frame (spray).")
-_add_file("urdf", "machine.urdf", "application/xml", "Show the machine's URDF.")
-_add_file("blocks", "blocks.json", "application/json", "Show line, course, kind and event of each row of the poses.")
-_add_table("poses", "Show every axis at the end of each block, and between where a block is an arc.")
-_add_table("speeds", "Show the speed of each axis in the motion that ends in the row.")
-_add_table("errors", "Show what verification measured along the courses or passes.")
-_add_table("tape", "Show the edges of the tape as it is laid, in `machine` axes (lay).")
-_add_table("part", "Show the part, or the mould that came along, as triangles in `machine` axes.")
-_add_table("coat", "Show the coat growing on the part: points in `machine` axes, thickness at X-Times (spray).")
+for _address, (_file, *_about) in FILES.items():
+    _add_file(_address, _file, *_about)
+for _name, _description in TABLES.items():
+    _add_table(_name, _description)
 
 
 @router.post(
@@ -401,6 +418,7 @@ def _foreman(request: Request) -> Foreman:
 
 
 def _job(record: Record, request: Request) -> Job:
+    out = _store(request).folder(record.id) / "out"
     return Job.model_validate(
         {
             "id": record.id,
@@ -412,6 +430,7 @@ def _job(record: Record, request: Request) -> Job:
             "created_at": record.created_at,
             "summary": record.summary,
             "error": record.error,
+            "results": [address for address, file in RESULTS.items() if record.ended and (out / file).is_file()],
             "mine": record.owner == request.state.owner,
         }
     )
