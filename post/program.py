@@ -333,11 +333,12 @@ def _rows(
     code[layout.outputs & ~layout.plain] = text(output_word)
     switches = np.flatnonzero(trajectory.kinds[blocks] == Kind.SWITCH)
     at_rest = _at_rest(layout, trajectory.events[blocks], switches)
-    for event in np.flatnonzero(np.bincount(trajectory.events[blocks[switches]])).tolist():
-        for resting in (False, True):
-            here = (trajectory.events[blocks[switches]] == event) & (at_rest == resting)
-            level = _level(Event(event), controller, levels)
-            code[switches[here]] = text(controller.event_words(resting)[Event(event)] + level)
+    events = trajectory.events[blocks[switches]]
+    for resting in (False, True):
+        event_words = controller.event_words(resting)
+        for event in map(Event, np.flatnonzero(np.bincount(events)).tolist()):
+            here = (events == event) & (at_rest == resting)
+            code[switches[here]] = text(event_words[event] + _level(event, controller, levels))
     feed, decimals = _feed_digits(np.where(layout.plain, feeds[blocks], 0.0), controller.feed.digits)
     if controller.feed.modal:
         feeding = np.flatnonzero(feed > 0)
