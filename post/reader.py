@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +27,6 @@ CHUNK = 1 << 15
 # Digits that two times eight bytes hold, and the mantissa up to which a double is exact.
 LONGEST = 16
 EXACT = 2**53
-# Blocks whose time comes from a feed word.
-FEEDING = (Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)
 
 _FIRST_LETTER = ord("A")
 _NEWLINE = ord("\n")
@@ -133,7 +132,7 @@ def read(
         rapid = np.flatnonzero((blocks.kinds[path.blocks] == Kind.RAPID) & ~blocks.outputs[path.blocks])
         times = np.abs(scale(path.steps[rapid])) / speeds[machine_axes[index]]
         durations[path.blocks[rapid]] = np.fmax(durations[path.blocks[rapid]], times)
-    straight = np.flatnonzero(np.isin(blocks.kinds, FEEDING) & moved)
+    straight = np.flatnonzero(blocks.feeding & moved)
     lengths = _lengths(plain, moved, circles, controller)
     durations[straight] = 60.0 * np.where(blocks.inverse, 1.0, lengths)[straight] / feeds[straight]
     # What the control does not interpolate moves in the dwell that follows its word at once, and is one block with it.
@@ -480,6 +479,11 @@ class _Blocks:
     axes: Mapping[str, Ints]
     letters: Mapping[str, int]
 
+    @cached_property
+    def feeding(self) -> Mask:
+        """Blocks (n,) whose time comes from a feed word."""
+        return np.isin(self.kinds, (Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE))
+
     def fault(self, line: int, address: str, sentence: str) -> None:
         """Note a fault of an axis word in a line, or of the line where it has none."""
         self.words.fault_in(line, self.letters[address], sentence)
@@ -738,7 +742,7 @@ def _path(blocks: _Blocks, axis: AxisWord) -> _Path:
     steps = np.diff(positions, prepend=np.nan)
     steps[incremental] = values[incremental]
     places = blocks.of_line[lines]
-    straight = np.flatnonzero(np.isin(blocks.kinds, FEEDING))[:1]
+    straight = np.flatnonzero(blocks.feeding)[:1]
     if len(straight) and (not len(places) or straight[0] <= places[0]):
         sentence = f"a feed motion before a rapid has stated axis {address.rstrip('=')}; state every axis first"
         words.source.fault(int(blocks.rows[straight[0]]), 0, sentence)
@@ -779,7 +783,7 @@ def _feeds(blocks: _Blocks, moved: Mask) -> Floats:
     feeds = np.where((last >= 0) & (last >= changed), blocks.feeds[last], np.nan)[rows]
     # One over the minutes of one block says nothing of the next.
     feeds = np.where(blocks.inverse, blocks.feeds[rows], feeds)
-    missing = np.isin(blocks.kinds, FEEDING) & moved & np.isnan(feeds)
+    missing = blocks.feeding & moved & np.isnan(feeds)
     # Where a feed per minute is missing, only the first of the blocks that miss it is named.
     modal = missing & ~blocks.inverse
     for row in np.flatnonzero(missing & ~(modal & np.concatenate([[False], modal[:-1]]))).tolist():
