@@ -241,7 +241,10 @@ class ProgramView implements ProgramPanel {
     this.copy.textContent = t("program.copy");
     this.copy.title = t(navigator.clipboard ? "program.copy_title" : "program.copy_refused");
     this.download.textContent = t("program.download");
+    const place = this.editor?.scrollSnapshot();
     this.editor?.dispatch({ effects: this.words.reconfigure(this.phrases()) });
+    // With other words the editor begins anew, and would stand elsewhere.
+    if (place) this.editor?.dispatch({ effects: place });
     this.render();
   }
 
