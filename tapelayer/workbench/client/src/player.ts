@@ -12,6 +12,12 @@ function fixed(value: number, digits: number): string {
   return value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1");
 }
 
+/** Digits after the point that a float32 of a program's own word still holds. */
+function digitsOf(value: number): number {
+  const size = Math.abs(value);
+  return size < 2 ** 14 ? 3 : size < 2 ** 17 ? 2 : 1;
+}
+
 function timeText(time_s: number): string {
   const minutes = Math.floor(time_s / 60);
   const seconds = (Math.floor(time_s * 1000) / 1000 - 60 * minutes).toFixed(3).padStart(6, "0");
@@ -182,7 +188,7 @@ export const createPlayer: CreatePlayer = (root, t) => {
     place.textContent = motion?.rows ? placeText(motion, row) : "";
     motion?.axes.forEach((_, axis) => {
       const value = motion.value(axis, row, done);
-      values[axis]!.textContent = Number.isNaN(value) ? "—" : fixed(value, 3);
+      values[axis]!.textContent = Number.isNaN(value) ? "—" : fixed(value, digitsOf(value));
     });
     motion?.switches.forEach((name, index) => {
       lights[index]!.dataset["on"] = String(motion.isOn(name, row));
