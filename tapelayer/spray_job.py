@@ -198,6 +198,7 @@ class SprayJob:
             mesh=self.mesh,
             slowdowns=planned.slowdowns,
             pitch=self.pitch,
+            standoff=self.setup.standoff,
             program_sha256=hashlib.sha256(text).hexdigest() if text else "",
         )
 

@@ -63,6 +63,7 @@ class Judged:
         mesh: the surface in `machine`.
         slowdowns: where axes hold the gun back.
         pitch: from pass to pass, metres.
+        standoff: nozzle to surface, metres.
         program_sha256: SHA-256 of the program's bytes, hexadecimal.
     """
 
@@ -72,6 +73,7 @@ class Judged:
     mesh: Mesh
     slowdowns: Sequence[Slowdown]
     pitch: float
+    standoff: float
     program_sha256: str
 
 
@@ -98,6 +100,7 @@ def numbers(judged: Judged) -> dict[str, Any]:
         "layers": evidence.layers,
         "blocks": evidence.blocks,
         "pitch_mm": judged.pitch / MM,
+        "standoff_mm": judged.standoff / MM,
         "splits": [
             {"pass": split.number, **_place(split.point), "reason": split.reason or None} for split in evidence.splits
         ],

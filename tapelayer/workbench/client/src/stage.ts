@@ -9,8 +9,6 @@ import { Ribbons } from "./ribbons";
 import { Coat, Passes, pointsOf, sprayCone } from "./spray3d";
 
 const MM = 1e-3;
-// Nozzle to surface where an arc-spraying setup does not say it.
-const USUAL_STANDOFF_MM = 150;
 // Edges that are sharper than this stay sharp to the eye, radians.
 const CREASE = 0.6;
 
@@ -128,9 +126,8 @@ export class Stage {
   }
 
   private furnishSpraying(coat: Table | null, motion: Motion): void {
-    const { setup } = this.made!;
-    const plating = setup["process"]?.["kind"] === "plating";
-    const standoff = numberOf(setup, "spray", "standoff_mm", plating ? 0 : USUAL_STANDOFF_MM) * MM;
+    const { report, setup } = this.made!;
+    const standoff = Number(report.standoff_mm) * MM;
     this.machine.set("standoff", standoff);
     this.passes = new Passes(this.machine, motion);
     this.object.add(this.passes.object);
