@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import signal
+import socket
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +16,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
+from forms import FORM, Part, body_of
 from panels import sheet, write_stl
 from served import ROOT, Client, Workbench
 
@@ -424,6 +426,18 @@ def test_jobs_are_cancelled_and_removed(workbench: Workbench, folder: Path) -> N
         assert client.delete(f"/api/v1/jobs/{running}").status_code == 204
         assert_problem(client.get(f"/api/v1/jobs/{running}"), "not-found", 404)
         assert not (folder / "jobs" / running).exists()
+
+
+def test_nobody_waits_for_a_verdict_that_nobody_wants(workbench: Workbench, folder: Path) -> None:
+    body = body_of([Part("program", b"", "a.nc"), Part("file", b"", "a.txt"), Part("kind", b"lay")])
+    head = f"POST /api/v1/verify HTTP/1.1\r\nHost: localhost\r\nContent-Type: {FORM}\r\nContent-Length: {len(body)}\r\n"
+    with workbench.client() as client:
+        running, _ = held(workbench, client, "running.txt")
+        with socket.create_connection(("127.0.0.1", client.base_url.port or 0)) as connection:
+            connection.sendall(f"{head}\r\n".encode() + body)
+            until(lambda: list((folder / "staging").glob("*/request.json")))
+        until(lambda: not list((folder / "staging").iterdir()))
+        assert client.delete(f"/api/v1/jobs/{running}").status_code == 204
 
 
 def test_a_killed_server_loses_one_job(tmp_path: Path) -> None:

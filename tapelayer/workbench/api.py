@@ -381,20 +381,23 @@ async def verify(request: Request) -> dict[str, Any]:
 
 
 async def _while_there(request: Request, work: Awaitable[Message]) -> Message:
-    """Result of work that nobody needs when the client has gone."""
+    """Result of work that nobody needs when the client has gone; it has ended then.
+
+    Raises:
+        Problem: the client has gone.
+    """
     working = asyncio.ensure_future(work)
     # After the body, this is all that a client can still say.
     going = asyncio.ensure_future(request.receive())
     try:
         await asyncio.wait((working, going), return_when=asyncio.FIRST_COMPLETED)
-        if not working.done():
-            working.cancel()
-        return await working
-    except asyncio.CancelledError:
-        working.cancel()
-        raise
     finally:
         going.cancel()
+        working.cancel()
+        await asyncio.wait((working,))
+    if working.cancelled():
+        raise Problem("cancelled", "whoever asked has gone")
+    return working.result()
 
 
 @asynccontextmanager
