@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
@@ -42,9 +42,6 @@ class Section(BaseModel):
     """A table of the setup file: frozen, and no key that it does not know."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
-
-
-SetupModel = TypeVar("SetupModel", bound=Section)
 
 
 class Machine(Section):
@@ -199,6 +196,9 @@ class Output(Section):
 class JobSetup(Section):
     """The setup of a job: a table of values for each thing it speaks of."""
 
+    # Section and key of the values that name files.
+    FILES: ClassVar[tuple[tuple[str, str], ...]] = (("machine", "urdf"),)
+
     def with_values(self, section: str, **values: object) -> Self:
         """Return a setup with some values of one section replaced, validated again.
 
@@ -219,6 +219,9 @@ class JobSetup(Section):
         for (section, key), data in files.items():
             values[section][key] = hashlib.sha256(data).hexdigest()
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
+SetupModel = TypeVar("SetupModel", bound=JobSetup)
 
 
 class Setup(JobSetup):
@@ -256,15 +259,16 @@ def read_setup(path: Path | str, model: type[SetupModel]) -> SetupModel:
 
 
 def parse_setup(data: bytes, name: str, model: type[SetupModel]) -> SetupModel:
-    """Setup from the bytes of a TOML file; a relative URDF path is taken from the file's folder.
+    """Setup from the bytes of a TOML file; relative paths are taken from the file's folder.
 
     Raises:
         SetupRefused: as `read_setup`.
     """
     table, text = read_toml(data, name, SetupRefused)
-    machine = table.get("machine")
-    if isinstance(machine, dict) and isinstance(machine.get("urdf"), str):
-        machine["urdf"] = str(Path(name).parent / machine["urdf"])
+    for section, key in model.FILES:
+        values = table.get(section)
+        if isinstance(values, dict) and isinstance(values.get(key), str):
+            values[key] = str(Path(name).parent / values[key])
     return parse_table(model, table, name, text)
 
 

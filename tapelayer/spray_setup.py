@@ -185,6 +185,8 @@ class Output(Section):
 class SpraySetup(JobSetup):
     """Everything that a spraying job needs beside its model."""
 
+    FILES = (*JobSetup.FILES, ("footprint", "profile"))
+
     part: Annotated[Part, Field(description="where the part lies in the machine")] = Part()
     machine: Annotated[Machine, Field(description="the machine, where it differs from its URDF")] = Machine()
     spray: Annotated[Spray, Field(description="the passes and how the gun goes along them")] = Spray()

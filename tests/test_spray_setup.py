@@ -129,6 +129,14 @@ def test_values_from_the_command_line_are_validated_again() -> None:
         setup.with_values("spray", pitch_mm=-1)
 
 
+def test_files_are_relative_to_the_setup_file() -> None:
+    text = b'[machine]\nurdf = "mine.urdf"\n[footprint]\nmodel = "profile"\nprofile = "gun/a.txt"\n'
+    setup = parse_setup(text, "jobs/hood.toml", SpraySetup)
+    assert (setup.machine.urdf, setup.footprint.profile) == ("jobs/mine.urdf", "jobs/gun/a.txt")
+    absolute = parse_setup(text.replace(b"gun/", b"/gun/"), "jobs/hood.toml", SpraySetup)
+    assert absolute.footprint.profile == "/gun/a.txt"
+
+
 def test_sha256_is_of_the_effective_values() -> None:
     default = SpraySetup().sha256(b"urdf", b"")
     assert parsed(default_text(SpraySetup, TITLE)).sha256(b"urdf", b"") == default
