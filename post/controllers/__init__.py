@@ -6,6 +6,7 @@ import difflib
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -334,6 +335,7 @@ def code(words: str) -> tuple[str, float, str]:
     return first[0], float(first[1:]), second
 
 
+@cache
 def names() -> tuple[str, ...]:
     """Names of the built-in controllers."""
     files = (entry.name for entry in resources.files(__name__).iterdir())
@@ -347,8 +349,7 @@ def load(name_or_path: str) -> Controller:
         ControllerRefused: there is no such table, or it has faults; all of them at once.
     """
     if name_or_path in names():
-        data = resources.files(__name__).joinpath(f"{name_or_path}.toml").read_bytes()
-        return parse(data, f"{name_or_path}.toml")
+        return _built_in(name_or_path)
     if not re.search(r"\.toml$|[/\\]", name_or_path):
         near = difflib.get_close_matches(name_or_path, names(), 1, 0.4)
         advice = f"did you mean {near[0]}?" if near else f"there are {', '.join(names())}"
@@ -360,6 +361,12 @@ def load(name_or_path: str) -> Controller:
         reason = (error.strerror or str(error)).lower()
         raise ControllerRefused(name_or_path, [Fault(0, f"cannot be read: {reason}")]) from None
     return parse(data, name_or_path)
+
+
+@cache
+def _built_in(name: str) -> Controller:
+    """The built-in controller of that name; these tables stay as they are while a program runs."""
+    return parse(resources.files(__name__).joinpath(f"{name}.toml").read_bytes(), f"{name}.toml")
 
 
 def parse(data: bytes, path: str) -> Controller:
