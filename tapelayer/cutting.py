@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -71,8 +72,8 @@ class _Sweep:
 
     def off(self, line: _Line) -> float:
         """Largest distance in metres from a line."""
-        away = self.stations - line.station - self.across / np.tan(line.angle)
-        return float(np.max(np.abs(away)) * np.sin(line.angle))
+        away = self.stations - line.station - self.across / math.tan(line.angle)
+        return float(np.max(np.abs(away))) * math.sin(line.angle)
 
     def turned(self, line: _Line) -> float:
         """Largest angle in radians between blade and line."""
