@@ -194,6 +194,11 @@ def test_what_a_job_lists_is_what_it_has(
 def test_a_mould_is_shown(client: Client, wave: bytes) -> None:
     job = client.made("panel.txt", FLAT, mould=wave)
     assert len(table(client, job["id"], "part")[1]) == 3 * 60
+    assert job["sent"]["mould"]
+    assert client.result(job["id"], "mould").content == wave
+    without = client.made("panel.txt", FLAT)
+    assert without["sent"] == {"unit": "mm", "mould": "", "parts": []}
+    assert_problem(client.result(without["id"], "mould"), "not-found", 404)
 
 
 def test_events_tell_the_whole_way(client: Client) -> None:
@@ -201,7 +206,7 @@ def test_events_tell_the_whole_way(client: Client) -> None:
     events = list(client.follow(job))
     names = [name for name, _ in events]
     assert names[0] == "state" and names[-1] == "done" and set(names) == {"state", "progress", "done"}
-    keys = "id kind name state progress stage created_at summary error results mine"
+    keys = "id kind name state progress stage created_at summary error results sent mine"
     assert set(keys.split()) == set(events[0][1])
     progress = [data["progress"] for _, data in events]
     assert progress == sorted(progress) and progress[-1] == 1

@@ -67,6 +67,14 @@ class Summary(BaseModel):
     bytes: int
 
 
+class Sent(BaseModel):
+    """What came along with a job's file."""
+
+    unit: Annotated[str, Field(description="of the STL that is sprayed")] = "mm"
+    mould: Annotated[str, Field(description="name of the mould's file; empty where none came along")] = ""
+    parts: list[str] = []
+
+
 class Job(BaseModel):
     """A job as it is."""
 
@@ -80,6 +88,7 @@ class Job(BaseModel):
     summary: Annotated[Summary | None, Field(description="null where nothing was made")]
     error: Annotated[ProblemDetails | None, Field(description="null where there is none")]
     results: Annotated[list[str], Field(description="what there is below the job's address; empty until it ends")]
+    sent: Sent
     mine: Annotated[bool, Field(description="whether who asks is its owner")]
     owner_key: Annotated[
         str, Field(description="only in the answer to a new job, and where the request named no owner; keep it")
@@ -304,10 +313,24 @@ def source(record: Found, request: Request) -> FileResponse:
 )
 def part(record: Found, name: str, request: Request) -> FileResponse:
     """Download a file that came along as one of the job's parts."""
-    folder = _store(request).folder(record.id)
-    if name not in json.loads((folder / "request.json").read_bytes())["parts"]:
+    if name not in record.request["parts"]:
         raise Problem("not-found", f"no part {name!r} came along with this job")
-    return FileResponse(folder / "parts" / name, media_type="application/octet-stream")
+    path = _store(request).folder(record.id) / "parts" / name
+    return FileResponse(path, media_type="application/octet-stream")
+
+
+@router.get(
+    "/jobs/{id}/mould",
+    response_class=FileResponse,
+    responses=content("application/octet-stream") | responses("not-found"),
+)
+def mould(record: Found, request: Request) -> FileResponse:
+    """Download the mould that came along with the job."""
+    name = record.request.get("mould")
+    if not name:
+        raise Problem("not-found", "no mould came along with this job")
+    path = _store(request).folder(record.id) / "mould"
+    return FileResponse(path, media_type="application/octet-stream", filename=name)
 
 
 def _add_file(address: str, file: str, media_type: str, description: str) -> None:
@@ -434,6 +457,7 @@ def _job(record: Record, request: Request) -> Job:
             "summary": record.summary,
             "error": record.error,
             "results": [address for address, file in RESULTS.items() if record.ended and (out / file).is_file()],
+            "sent": record.request,
             "mine": record.owner == request.state.owner,
         }
     )

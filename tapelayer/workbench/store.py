@@ -46,6 +46,7 @@ CREATE TABLE jobs (
     progress REAL NOT NULL,
     created_at TEXT NOT NULL,
     finished_at TEXT,
+    request TEXT NOT NULL,
     summary TEXT,
     error TEXT
 ) STRICT
@@ -66,6 +67,7 @@ class Record:
         progress: 0 to 1.
         created_at: RFC 3339, UTC.
         finished_at: likewise; None while it is not finished.
+        request: what was asked for, as in request.json.
         summary: of what was made; None where nothing was.
         error: problem details; None where there is none.
     """
@@ -79,6 +81,7 @@ class Record:
     progress: float
     created_at: str
     finished_at: str | None
+    request: dict[str, Any]
     summary: dict[str, Any] | None
     error: dict[str, Any] | None
 
@@ -153,16 +156,17 @@ class Store:
             progress=0.0,
             created_at=_now(),
             finished_at=None,
+            request=dict(request),
             summary=None,
             error=None,
         )
         write_request(staged, request)
         staged.rename(self.folder(record.id))
-        values = (record.id, owner, record.kind, record.name, record.state, "", 0.0, record.created_at)
+        values = (record.id, owner, record.kind, record.name, record.state, "", 0.0, record.created_at, _text(request))
         with self._guard:
             self._index.execute(
-                "INSERT INTO jobs (id, owner, kind, name, state, stage, progress, created_at)"
-                " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT INTO jobs (id, owner, kind, name, state, stage, progress, created_at, request)"
+                " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 values,
             )
         return record
@@ -270,8 +274,8 @@ class Store:
             return [self._record(row) for row in rows]
 
     def _record(self, row: tuple[Any, ...]) -> Record:
-        *plain, summary, error = row
-        values = (*plain, _value(summary), _value(error))
+        *plain, request, summary, error = row
+        values = (*plain, _value(request), _value(summary), _value(error))
         record = Record(**{field.name: value for field, value in zip(fields(Record), values, strict=True)})
         if record.id not in self._steps:
             return record

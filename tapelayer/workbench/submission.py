@@ -59,7 +59,7 @@ def job_request(form: Form, folder: Path) -> dict[str, Any]:
     request = _request(form, folder)
     if "mould" in form.names and request["kind"] != "lay":
         raise _invalid("mould: a mould belongs to kind lay; leave it out")
-    return {**request, "program_name": f"{Path(request['name']).stem}.nc"}
+    return {**request, "mould": form.names.get("mould", ""), "program_name": f"{Path(request['name']).stem}.nc"}
 
 
 def verify_request(form: Form, folder: Path) -> dict[str, Any]:
