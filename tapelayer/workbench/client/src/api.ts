@@ -105,16 +105,6 @@ async function table(id: string, name: TableName): Promise<Table> {
   return tableOf(new Float32Array(await response.arrayBuffer()), columns, times, response.headers.get("X-Unit") ?? "");
 }
 
-/** The value, or null where the server says by this code that there is none. */
-async function unless<T>(code: string, promise: Promise<T>): Promise<T | null> {
-  try {
-    return await promise;
-  } catch (error) {
-    if (error instanceof Refused && error.problem.code === code) return null;
-    throw error;
-  }
-}
-
 export const session = (): Promise<Session> => askJson("/session");
 export const signIn = (token: string): Promise<Response> => postJson("/session", { token });
 export const signOut = (): Promise<Response> => ask("/session", { method: "DELETE" });
@@ -186,10 +176,14 @@ export async function sourceFile({ id, name }: Job): Promise<File> {
   return new File([await (await ask(`/jobs/${id}/source`)).blob()], name);
 }
 
-/** A file that came along with a job, by its name; null where none of that name did. */
-export async function partFile({ id }: Job, name: string): Promise<File | null> {
-  const response = await unless("not-found", ask(`/jobs/${id}/parts/${encodeURIComponent(name)}`));
-  return response && new File([await response.blob()], name);
+/** A file that came along with a job, by its name. */
+export async function partFile({ id }: Job, name: string): Promise<File> {
+  return new File([await (await ask(`/jobs/${id}/parts/${encodeURIComponent(name)}`)).blob()], name);
+}
+
+/** The mould that came along with a job; null where none did. */
+export async function mouldFile({ id, sent }: Job): Promise<File | null> {
+  return sent.mould ? new File([await (await ask(`/jobs/${id}/mould`)).blob()], sent.mould) : null;
 }
 
 export async function jobs(): Promise<Job[]> {
@@ -255,9 +249,6 @@ export async function jobSetup({ id, kind }: Job): Promise<SetupValues> {
   return parseSetup(kind, await (await ask(`/jobs/${id}/setup`)).text());
 }
 
-// Nobody need ask for what the other machine makes.
-const OTHERS: Record<Kind, TableName> = { lay: "coat", spray: "tape" };
-
 /** Everything a finished or judged-bad job made that the page shows at once; the rest comes when asked for. */
 export async function load(made: Job): Promise<Made> {
   const path = `/jobs/${made.id}`;
@@ -269,12 +260,9 @@ export async function load(made: Job): Promise<Made> {
     jobSetup(made),
     setupSchema(kind),
     // A program that was judged bad is withheld.
-    made.state === "done" ? ask(`${path}/program`).then((response) => response.text()) : null,
+    made.results.includes("program") ? ask(`${path}/program`).then((response) => response.text()) : null,
   ]);
-  const tables = new Map<TableName, Promise<Table | null>>([
-    ["poses", Promise.resolve(poses)],
-    [OTHERS[kind], Promise.resolve(null)],
-  ]);
+  const tables = new Map<TableName, Promise<Table | null>>([["poses", Promise.resolve(poses)]]);
   return {
     job: made,
     kind,
@@ -286,7 +274,7 @@ export async function load(made: Job): Promise<Made> {
     program,
     url: (what) => `${ROOT}${path}/${what}`,
     table(name) {
-      const found = tables.get(name) ?? unless("not-made", table(made.id, name));
+      const found = tables.get(name) ?? (made.results.includes(name) ? table(made.id, name) : Promise.resolve(null));
       tables.set(name, found);
       return found;
     },

@@ -16,7 +16,7 @@ export interface Import {
   readonly parts: File[];
   readonly unit: string;
   /** Takes the file of a job and what came along with it. */
-  bring(source: Source, kind: Kind, parts: File[]): void;
+  bring(source: Source, kind: Kind, unit: string, mould: File | null, parts: File[]): void;
   clear(): void;
   askForFile(): void;
   /** Asks the server for its examples. */
@@ -169,9 +169,10 @@ export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, on
     get unit() {
       return unit.value;
     },
-    bring(next, nextKind, others) {
+    bring(next, nextKind, nextUnit, nextMould, others) {
       parts = others;
-      mould = null;
+      mould = nextMould;
+      unit.value = nextUnit;
       take(next, nextKind);
     },
     clear() {

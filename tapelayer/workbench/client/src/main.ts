@@ -10,7 +10,7 @@ import { createJobList } from "./jobs";
 import { createLayout } from "./layout";
 import { createLedger } from "./ledger";
 import { createNotice } from "./notice";
-import type { Job, Kind, Made, Panel, SetupValues } from "./panels";
+import type { Job, Kind, Made, Panel } from "./panels";
 import { createPlayer } from "./player";
 import { createPlots } from "./plots";
 import { createProgram } from "./program";
@@ -218,13 +218,15 @@ async function open(id: string): Promise<void> {
   notice.clear();
   try {
     const job = await api.job(id);
-    const [setup, controllers] = await Promise.all([api.jobSetup(job), api.controllers()]);
-    const builtIn = controllers.map(({ name }) => name);
-    const parts = await Promise.all(namesIn(setup, builtIn).map((name) => api.partFile(job, name)));
+    const [setup, mould, ...parts] = await Promise.all([
+      api.jobSetup(job),
+      api.mouldFile(job),
+      ...job.sent.parts.map((name) => api.partFile(job, name)),
+    ]);
     if (id !== current) return;
     accepted(job);
     const source = { name: job.name, file: () => api.sourceFile(job) };
-    input.bring(source, job.kind, parts.filter((part) => part !== null));
+    input.bring(source, job.kind, job.sent.unit, mould, parts);
     await form.show(job.kind);
     form.write(setup);
     const under = job.state === "queued" || job.state === "running";
@@ -232,12 +234,6 @@ async function open(id: string): Promise<void> {
   } catch (error) {
     notice.report(error);
   }
-}
-
-/** Values of a setup that may name files which came along. */
-function namesIn({ machine, output, footprint }: SetupValues, builtIn: string[]): string[] {
-  const named = [machine?.["urdf"], output?.["controller"], footprint?.["profile"]];
-  return named.filter((name) => typeof name === "string").filter((name) => !builtIn.includes(name));
 }
 
 function fileName({ name }: Job, what: (typeof DOWNLOADS)[number]): string {

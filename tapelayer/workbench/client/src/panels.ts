@@ -54,6 +54,8 @@ export interface Job {
   created_at: string;
   summary: Summary | null;
   error: Problem | null;
+  results: string[];
+  sent: { unit: string; mould: string; parts: string[] };
   mine: boolean;
   owner_key?: string;
 }
