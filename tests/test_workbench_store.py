@@ -41,7 +41,8 @@ def test_a_job_is_what_was_asked_for_with_its_files(store: Store) -> None:
     record = add(store)
     assert re.fullmatch(r"[0-9a-f]{32}", record.id)
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", record.created_at)
-    assert record == Record(record.id, "ann", "lay", "铺层.txt", "queued", "", 0.0, record.created_at, None, None, None)
+    made = record.created_at
+    assert record == Record(record.id, "ann", "lay", "铺层.txt", "queued", "", 0.0, made, None, REQUEST, None, None)
     assert store.get(record.id) == record
     assert json.loads((store.folder(record.id) / "request.json").read_text()) == REQUEST
     assert (store.folder(record.id) / "source").read_bytes() == b"1\nstart\n"

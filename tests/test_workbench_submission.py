@@ -47,6 +47,7 @@ def test_a_worker_finds_its_folder_as_it_expects_it(tmp_path: Path) -> None:
         "name": "铺层.txt",
         "unit": "in",
         "parts": ["gun.txt", "mine.toml"],
+        "mould": "",
         "program_name": "铺层.nc",
     }
     assert (tmp_path / "source").read_bytes() == b"data"
