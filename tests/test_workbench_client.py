@@ -12,6 +12,7 @@ from typing import Any, get_args
 
 import pytest
 
+from post import controllers
 from tapelayer.setup import Section, Setup
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.workbench.catalogue import EXAMPLES
@@ -96,6 +97,12 @@ def test_every_problem_has_the_title_of_the_server() -> None:
 def test_every_example_has_the_title_of_the_server() -> None:
     english = texts("en")
     assert {name: english.get(f"example.{name}") for name in EXAMPLES} == EXAMPLES
+
+
+def test_every_controller_has_the_title_of_its_table() -> None:
+    english = texts("en")
+    titles = {name: controllers.load(name).title for name in controllers.names()}
+    assert {name: english.get(f"controller.{name}") for name in titles} == titles
 
 
 def test_every_stage_and_state_has_a_text() -> None:

@@ -10,6 +10,8 @@ export interface Field {
   write(value: unknown): void;
   /** What is wrong with what stands there, in the page's language; "" where nothing is. */
   fault(): string;
+  /** Offers what there is to choose from now, in the page's language. */
+  offer?(): void;
 }
 
 export interface Axis {
@@ -129,17 +131,21 @@ function choice(id: string, schema: Schema): Field {
 /** A choice of names that may grow while the page is open. */
 function named(id: string, key: string, schema: Schema, around: Surroundings): Field {
   const element = h("select", { id, testid: id });
-  const offer = (value: string): void => {
+  const put = (value: string): void => {
     const choices = around.choices(key);
     const all = choices.some((each) => each.value === value) ? choices : [...choices, { value, title: "" }];
     element.replaceChildren(...all.map(({ value: name, title }) => h("option", { value: name, title }, name)));
     element.value = value;
+    tell();
   };
-  element.addEventListener("focus", () => offer(element.value));
-  const write = (value: unknown): void => offer(shown(value ?? schema.default));
+  const tell = (): void => void (element.title = element.selectedOptions[0]?.title ?? "");
+  const offer = (): void => put(element.value);
+  element.addEventListener("focus", offer);
+  element.addEventListener("change", tell);
+  const write = (value: unknown): void => put(shown(value ?? schema.default));
   write(undefined);
   const read = (): unknown => (element.value === schema.default ? undefined : element.value);
-  return { element, first: element, read, write, fault: () => "" };
+  return { element, first: element, read, write, fault: () => "", offer };
 }
 
 /** Fields side by side whose values make one table. */

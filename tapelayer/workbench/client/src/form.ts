@@ -1,6 +1,7 @@
 import { controllers, machines, setupSchema, type Controller } from "./api";
 import { h } from "./elements";
 import { fieldOf, plain, type Field } from "./fields";
+import { known, t } from "./i18n";
 import type { Fault, Kind, SetupValues } from "./panels";
 import { remember, remembered } from "./state";
 
@@ -41,6 +42,10 @@ export interface Form {
   retranslate(): void;
 }
 
+function titleOf({ name, title }: Controller): string {
+  return known(`controller.${name}`) ? t(`controller.${name}`) : title;
+}
+
 function unitOf(key: string): string {
   return UNITS.find(([suffix]) => suffix.test(key))?.[1] ?? "";
 }
@@ -57,7 +62,7 @@ export function createForm(root: HTMLElement, files: () => string[]): Form {
   let controls: Controller[] = [];
 
   const choices = (key: string): { value: string; title: string }[] => {
-    const built = key === "controller" ? controls.map(({ name, title }) => ({ value: name, title })) : [];
+    const built = key === "controller" ? controls.map((each) => ({ value: each.name, title: titleOf(each) })) : [];
     const ending = { controller: /\.toml$/i, urdf: /\.urdf$/i }[key] ?? /(?<!\.urdf|\.toml)$/i;
     return [...built, ...files().filter((name) => ending.test(name)).map((value) => ({ value, title: value }))];
   };
@@ -163,6 +168,7 @@ export function createForm(root: HTMLElement, files: () => string[]): Form {
       }
     },
     retranslate() {
+      for (const { field } of rows) field.offer?.();
       for (const row of rows) if (row.faultLine.textContent) mark(row, row.field.fault() || row.faultLine.textContent);
     },
   };
