@@ -35,25 +35,31 @@ export interface Request {
   parts: File[];
 }
 
-let unauthorized: () => void = () => {};
+let signedIn: () => Promise<void> = () => Promise.resolve();
 
-/** Calls the listener whenever the server wants a token. */
-export function onUnauthorized(listener: () => void): void {
-  unauthorized = listener;
+/** Names what waits for a token; what the server refused without one is asked again then. */
+export function onUnauthorized(wait: () => Promise<void>): void {
+  signedIn = wait;
 }
 
-async function ask(path: string, init: RequestInit = {}): Promise<Response> {
+function ask(path: string, init: RequestInit = {}): Promise<Response> {
+  return reach(ROOT + path, init);
+}
+
+/** What this server answers at an address, which is no refusal. */
+export async function reach(address: string, init: RequestInit = {}): Promise<Response> {
   let response: Response;
   try {
-    response = await fetch(ROOT + path, init);
+    response = await fetch(address, init);
   } catch (error) {
     if (error instanceof DOMException && error.name === "AbortError") throw error;
     throw new Refused({ type: "", title: "", status: 0, code: "unreachable", detail: String(error) });
   }
   if (response.ok) return response;
   const problem = await problemOf(response);
-  if (problem.code === "token-required") unauthorized();
-  throw new Refused(problem);
+  if (problem.code !== "token-required") throw new Refused(problem);
+  await signedIn();
+  return reach(address, init);
 }
 
 async function problemOf(response: Response): Promise<Problem> {
@@ -217,30 +223,54 @@ export function createJob(request: Request, signal: AbortSignal): Promise<Job> {
 export interface Watch {
   onState(job: Job): void;
   onProgress(progress: number, stage: string): void;
+  /** The server does not answer; it is asked again and again. */
+  onLost(): void;
 }
 
-/** Follows a job to its end; gives the job as it ended. */
-export function watchJob(id: string, watch: Watch, signal: AbortSignal): Promise<Job> {
+// After so long a server that did not answer is asked again.
+const AGAIN_MS = 1500;
+
+export const underWay = ({ state }: Job): boolean => state === "queued" || state === "running";
+
+/** Follows a job to its end, over every break of the connection; gives the job as it ended. */
+export async function watchJob(id: string, watch: Watch, signal: AbortSignal): Promise<Job> {
+  for (;;) {
+    const end = await listen(id, watch, signal);
+    if (end) return end;
+    try {
+      const now = await job(id);
+      if (!underWay(now)) return now;
+    } catch (error) {
+      if (!(error instanceof Refused) || error.problem.code !== "unreachable") throw error;
+      watch.onLost();
+    }
+    await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+    signal.throwIfAborted();
+  }
+}
+
+/** Hears of a job until it ends; null where the connection broke before. */
+function listen(id: string, watch: Watch, signal: AbortSignal): Promise<Job | null> {
   return new Promise((resolve, reject) => {
     const source = new EventSource(`${ROOT}/jobs/${id}/events`);
     const told = (event: MessageEvent<string>): Job => JSON.parse(event.data) as Job;
-    signal.addEventListener("abort", () => {
+    const leave = (): void => {
       source.close();
       reject(signal.reason);
-    });
+    };
+    const close = (end: Job | null): void => {
+      signal.removeEventListener("abort", leave);
+      source.close();
+      resolve(end);
+    };
+    signal.addEventListener("abort", leave);
     source.addEventListener("state", (event) => watch.onState(told(event)));
     source.addEventListener("progress", (event) => {
       const { progress, stage } = told(event);
       watch.onProgress(progress, stage);
     });
-    source.addEventListener("done", (event) => {
-      source.close();
-      resolve(told(event));
-    });
-    source.addEventListener("error", () => {
-      // The browser connects again by itself, except where the server answered with a refusal.
-      if (source.readyState === EventSource.CLOSED) job(id).then(resolve, reject);
-    });
+    source.addEventListener("done", (event) => close(told(event)));
+    source.addEventListener("error", () => close(null));
   });
 }
 

@@ -52,20 +52,23 @@ export function say(element: HTMLElement, key: string): void {
   translate(element);
 }
 
-/** A modal dialog with a heading and a way out. */
-export function dialog(testid: string, heading: string, ...children: (Node | string)[]): HTMLDialogElement {
-  const close = h("button", { type: "button", class: "quiet", tLabel: "close", onclick: () => element.close() }, "✕");
+/** A modal dialog with a heading. */
+export function modal(testid: string, heading: string, ...children: (Node | string)[]): HTMLDialogElement {
   const title = h("h2", { t: heading, id: `${testid}-heading` });
-  const element = h(
-    "dialog",
-    { testid, "aria-labelledby": title.id },
-    h("header", {}, title, close),
-    h("div", { class: "body", tabindex: 0 }, ...children),
-  );
+  const body = h("div", { class: "body", tabindex: 0 }, ...children);
+  const element = h("dialog", { testid, "aria-labelledby": title.id }, h("header", {}, title), body);
+  document.body.append(element);
+  return element;
+}
+
+/** A modal dialog with a heading and ways out. */
+export function dialog(testid: string, heading: string, ...children: (Node | string)[]): HTMLDialogElement {
+  const element = modal(testid, heading, ...children);
+  const close = h("button", { type: "button", class: "quiet", tLabel: "close", onclick: () => element.close() }, "✕");
+  element.querySelector("header")!.append(close);
   element.addEventListener("click", (event) => {
     // The backdrop belongs to the dialog's element itself, its content does not.
     if (event.target === element) element.close();
   });
-  document.body.append(element);
   return element;
 }

@@ -1,4 +1,4 @@
-import { deleteJob, jobs } from "./api";
+import { deleteJob, jobs, underWay } from "./api";
 import { h } from "./elements";
 import { t } from "./i18n";
 import type { Job } from "./panels";
@@ -8,8 +8,6 @@ export interface JobList {
   current(id: string): void;
   retranslate(): void;
 }
-
-const RUNNING = ["queued", "running"];
 
 function local(moment: string): string {
   const date = new Date(moment);
@@ -65,7 +63,7 @@ export function createJobList(root: HTMLElement, open: (id: string) => void, rem
     jobs().then((mine) => {
       found = mine;
       draw();
-      if (mine.some(({ state }) => RUNNING.includes(state)) && !root.hidden) timer = window.setTimeout(refresh, 3000);
+      if (mine.some(underWay) && !root.hidden) timer = window.setTimeout(refresh, 3000);
     }, failed);
   };
 

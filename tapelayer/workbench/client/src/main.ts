@@ -94,7 +94,6 @@ const signedIn = startSession(session, settings);
 start().catch(notice.report);
 
 // A 3D view takes its time to begin with: what there is of the page is seen before, and the server is asked meanwhile.
-const welcome = await signedIn.catch(() => false);
 await new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
 const player = createPlayer(layout.player, t);
 const { clock } = player;
@@ -119,15 +118,16 @@ addEventListener("hashchange", () => {
   const id = fromAddress();
   if (id && id !== current) void open(id);
 });
-if (welcome) {
+signedIn.then(() => {
   scene.idle(input.kind);
   const id = fromAddress();
   if (id) void open(id);
-}
+  // Whoever starts the page hears why it does not start.
+}, () => {});
 
 /** Fills what can be set from the server. */
 async function start(): Promise<void> {
-  if (!(await signedIn)) return;
+  await signedIn;
   input.start();
   await form.show(input.kind);
 }
@@ -229,8 +229,7 @@ async function open(id: string): Promise<void> {
     input.bring(source, job.kind, job.sent.unit, mould, parts);
     await form.show(job.kind);
     form.write(setup);
-    const under = job.state === "queued" || job.state === "running";
-    await ended(under ? await running.follow(job) : job);
+    await ended(api.underWay(job) ? await running.follow(job) : job);
   } catch (error) {
     notice.report(error);
   }

@@ -60,8 +60,7 @@ export function createNotice(root: HTMLElement): Notice {
     report(error) {
       if (error instanceof DOMException && error.name === "AbortError") return;
       if (error instanceof Refused) {
-        // The sign-in dialog says that a token is wanted.
-        if (error.problem.code !== "token-required") show(error.problem);
+        show(error.problem);
         return;
       }
       show({ type: "", title: "", status: 0, code: "page", detail: error instanceof Error ? error.message : String(error) });

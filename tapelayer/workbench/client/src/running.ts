@@ -69,6 +69,10 @@ export function createRunning(root: HTMLElement, generate: () => void, failed: (
         {
           onState: told,
           onProgress: (now, name) => told({ ...running!, state: "running", progress: now, stage: name }),
+          onLost() {
+            stage = "stage.lost";
+            draw();
+          },
         },
         mine.signal,
       );
