@@ -20,18 +20,29 @@ const MM = 1e-3;
 const DEG = Math.PI / 180;
 
 const SOLID = new MeshLambertMaterial({ vertexColors: true });
-const GHOST = new MeshLambertMaterial({ vertexColors: true, transparent: true, opacity: 0.12, depthWrite: false });
+const GHOST = new MeshLambertMaterial({ vertexColors: true, transparent: true, opacity: 0.14 });
+const VEIL = new MeshLambertMaterial({ vertexColors: true, transparent: true, opacity: 0.3 });
+// Of what one looks through, the nearest surface alone is drawn: its depth comes first.
+const DEPTH = new MeshLambertMaterial({ vertexColors: true, transparent: true, colorWrite: false });
+// After all that is made, and the head before the frame.
+const ORDER = { head: 10, frame: 20 };
 
 /** A machine's model; every link is one mesh, and the joints go where the axes say. Metres. */
 export class Machine3D {
   /** How every node stands in its parent while the joints are at zero. */
   private readonly still = new Map<Object3D, Matrix4>();
+  /** What the joints that turn carry, and all else. */
+  private readonly head: Piece[] = [];
+  private readonly frames: Piece[] = [];
 
   private constructor(readonly robot: URDFRobot) {
     robot.traverse((node) => {
       node.updateMatrix();
       this.still.set(node, node.matrix.clone());
+      if (node instanceof Mesh) this.pieces(node).push(new Piece(node));
     });
+    for (const piece of this.head) piece.order(ORDER.head);
+    for (const piece of this.frames) piece.order(ORDER.frame);
   }
 
   /**
@@ -73,13 +84,10 @@ export class Machine3D {
     this.robot.joints[joint]?.setJointValue(value);
   }
 
-  /** Makes the frame and what the linear axes carry solid, or lets one look through them at what is made. */
-  ghost(through: boolean): void {
-    const nodes: Object3D[] = [this.robot];
-    for (let node = nodes.pop(); node; node = nodes.pop()) {
-      if (node instanceof Mesh) node.material = through ? GHOST : SOLID;
-      nodes.push(...node.children.filter((child) => !isJoint(child) || !turns(child)));
-    }
+  /** Makes the frame and the head solid, or lets one look through them at what is made. */
+  ghost(frame: boolean, head: boolean): void {
+    for (const piece of this.frames) piece.paint(frame ? GHOST : SOLID);
+    for (const piece of this.head) piece.paint(head ? VEIL : SOLID);
   }
 
   frame(name: string): Object3D | undefined {
@@ -115,10 +123,36 @@ export class Machine3D {
     });
   }
 
+  private pieces(mesh: Object3D): Piece[] {
+    for (let node: Object3D | null = mesh; node; node = node.parent) if (isJoint(node) && turns(node)) return this.head;
+    return this.frames;
+  }
+
   private chain(frame: string): Object3D[] {
     const nodes: Object3D[] = [];
     for (let node = this.frame(frame) ?? null; node && node !== this.robot; node = node.parent) nodes.unshift(node);
     return nodes;
+  }
+}
+
+/** A link's mesh, and beside it what gives it a depth when one looks through it. */
+class Piece {
+  private readonly depth: Mesh;
+
+  constructor(private readonly mesh: Mesh) {
+    this.depth = new Mesh(mesh.geometry, DEPTH);
+  }
+
+  order(order: number): void {
+    this.depth.renderOrder = order;
+    this.mesh.renderOrder = order + 1;
+    this.mesh.add(this.depth);
+    this.paint(SOLID);
+  }
+
+  paint(material: Material): void {
+    this.mesh.material = material;
+    this.depth.visible = material !== SOLID;
   }
 }
 

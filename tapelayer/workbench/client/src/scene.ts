@@ -1,5 +1,6 @@
 import "./scene.css";
 import { Box3, Raycaster, Vector2, Vector3 } from "three";
+import { reach } from "./api";
 import { h, translateAll } from "./elements";
 import { Machine3D } from "./machine3d";
 import type { Clock, CreatePanel, Kind, Made, ScenePanel, Selection, Translate } from "./panels";
@@ -10,6 +11,8 @@ import { DIRECTIONS, type Direction, drawable, View } from "./view";
 const CLICK = 4;
 const HOVER_MS = 60;
 const ZOOM = 0.8;
+// From so far above, the sine of the angle, the head hides what it works on.
+const STEEP = 0.8;
 
 /** The machine in 3D with what it made so far. */
 export const createScene: CreatePanel<ScenePanel> = (root, clock, t, selection) => {
@@ -86,7 +89,7 @@ class ScenePicture implements ScenePanel {
   show(made: Made): void {
     this.kind = made.kind;
     const parts = made.url("urdf").replace(/urdf$/, "parts/");
-    void this.set(made.url("urdf"), made, async (name) => (await got(parts + encodeURIComponent(name))).arrayBuffer());
+    void this.set(made.url("urdf"), made, async (name) => (await reach(parts + encodeURIComponent(name))).arrayBuffer());
   }
 
   idle(kind: Kind): void {
@@ -113,7 +116,7 @@ class ScenePicture implements ScenePanel {
     const current = (): boolean => asked === this.asked;
     const missing: string[] = [];
     try {
-      const text = await (await got(urdf)).text();
+      const text = await (await reach(urdf)).text();
       const machine = await Machine3D.of(text, mesh, (name, reason) => missing.push(this.t("scene.mesh", { name, reason })));
       const stage = new Stage(machine, made);
       await stage.furnish();
@@ -139,6 +142,7 @@ class ScenePicture implements ScenePanel {
   private update(moving: boolean): void {
     if (!this.stage) return;
     this.stage.at(this.clock.row, this.clock.time, moving);
+    this.uncover();
     if (this.followed.ariaPressed !== "true") return;
     this.stage.object.updateMatrixWorld();
     const place = this.stage.tool(this.point);
@@ -151,8 +155,16 @@ class ScenePicture implements ScenePanel {
     this.close = close;
     const { work, machine } = this.stage;
     const near = close && !work.isEmpty();
-    machine.ghost(near);
     this.view.look(direction, near ? work : new Box3().setFromObject(machine.robot));
+  }
+
+  /** Lets one see what is made, from above also through the head. */
+  private uncover(): void {
+    const { work, machine } = this.stage!;
+    const near = this.close && !work.isEmpty();
+    const { camera, controls } = this.view;
+    this.point.subVectors(camera.position, controls.target).normalize();
+    machine.ghost(near, near && this.point.z > STEEP);
   }
 
   private follow(): void {
@@ -225,11 +237,4 @@ class ScenePicture implements ScenePanel {
 
 function button(testid: string, text: string, title: string, onclick: () => void): HTMLButtonElement {
   return h("button", { type: "button", testid, t: text, tTitle: title, onclick });
-}
-
-/** What is at a path of this server. */
-async function got(path: string): Promise<Response> {
-  const response = await fetch(path);
-  if (!response.ok) throw new Error(`${response.status} ${response.statusText}`.trim());
-  return response;
 }
