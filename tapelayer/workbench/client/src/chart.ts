@@ -1,10 +1,13 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { h } from "./elements";
+import { t } from "./i18n";
 import { lowerBound } from "./motion";
 import { fixed, plain, type Limit } from "./quantities";
 import { thinnedRows } from "./thinning";
 
+// A limit that is this many times farther away than the curve is from zero tells nothing of the curve.
+const FAR = 20;
 // A click that moved farther than this was meant as a drag.
 const CLICK_PX = 3;
 
@@ -69,6 +72,7 @@ export class ChartView {
   private readonly plot: uPlot;
   private readonly now = h("div", { class: "plot-now" });
   private readonly told: HTMLElement[];
+  private readonly beyond = h("small", { class: "plot-beyond" });
   private pointed: number | null = null;
   private y: [number, number] = [0, 1];
 
@@ -87,7 +91,7 @@ export class ChartView {
     const frame = h("div", { class: "plot-frame" });
     this.element = h("figure", { class: "plot", testid: `plot-${name}`, role: "group", "aria-label": `${heading} ${unit}` }, title, frame);
     this.plot = new uPlot(this.options(), [[], ...curves.map(() => [])] as uPlot.AlignedData, frame);
-    this.plot.over.append(this.now);
+    this.plot.over.append(this.beyond, this.now);
     this.listen();
   }
 
@@ -185,14 +189,13 @@ export class ChartView {
   }
 
   private thinned(): uPlot.AlignedData {
-    const { courses, curves, limits, times } = this.chart;
+    const { courses, curves, times } = this.chart;
     const [low, high] = this.around.range();
     const lines = curves.map(({ values }) => values);
     const rows = thinnedRows(times, lines, low, high, Math.max(Math.round(this.plot.bbox.width), 50));
     const xs: number[] = [];
     const ys: (number | null)[][] = curves.map(() => []);
-    const reach = this.around.withLimits() ? limits.map(({ value }) => value) : [];
-    let [least, greatest] = [Math.min(...reach), Math.max(...reach)];
+    let [least, greatest] = [Infinity, -Infinity];
     rows.forEach((row, index) => {
       const before = rows[index - 1];
       if (courses && before !== undefined && courses[before] !== courses[row]) {
@@ -209,8 +212,20 @@ export class ChartView {
         greatest = Math.max(greatest, value);
       });
     });
-    this.y = padded(least, greatest);
+    this.y = padded(...this.reached(least, greatest));
     return [xs, ...ys];
+  }
+
+  /** What curves and limits reach; says which limits are too far away to be drawn. */
+  private reached(least: number, greatest: number): [number, number] {
+    const values = this.around.withLimits() ? this.chart.limits.map(({ value }) => value) : [];
+    const size = Math.max(Math.abs(least), Math.abs(greatest));
+    const far = values.filter((value) => size > 0 && Math.abs(value) > FAR * size);
+    const near = values.filter((value) => !far.includes(value));
+    const first = far.at(0);
+    const limit = first === undefined ? "" : far.includes(-first) ? `±${plain(Math.abs(first))}` : far.map(plain).join(", ");
+    this.beyond.textContent = limit && t("plots.beyond", { limit });
+    return [Math.min(least, ...near), Math.max(greatest, ...near)];
   }
 
   private shade(plot: uPlot): void {

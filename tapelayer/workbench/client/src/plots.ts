@@ -22,7 +22,7 @@ function axisCharts(made: Made, table: Table, times: Float32Array, view: "positi
   return columns.map((column) => {
     const { stem, unit } = stemOf(column);
     const axis = made.report.axes[stem]!;
-    const limits = (view === "positions" ? [axis.lower, axis.upper] : [0, axis.speed_limit]) as number[];
+    const limits = view === "positions" ? [axis.lower!, axis.upper!] : [-axis.speed_limit!, axis.speed_limit!];
     return {
       name: stem,
       heading: stem,
@@ -32,7 +32,7 @@ function axisCharts(made: Made, table: Table, times: Float32Array, view: "positi
       courses: null,
       curves: [{ name: stem, colour: "--plot-1", values: table.column(column) }],
       stepped: view === "speeds",
-      limits: limits.filter((value) => view === "positions" || value > 0).map((value) => ({ value, judged: true })),
+      limits: limits.map((value) => ({ value, judged: true })),
     };
   });
 }
