@@ -157,7 +157,20 @@ export function failureName({ what }: Failure, t: Translate): string {
   return text === key ? stem.replaceAll("_", " ") : text;
 }
 
-/** A failure's value or limit with its unit. */
-export function failureValue(value: number | null, what: string, t: Translate): string {
-  return value === null ? t("report.not_finite") : `${plain(Number(value.toPrecision(6)))} ${stemOf(what).unit}`.trimEnd();
+// Digits behind the point of a failure's value, and of one that is as good as its limit.
+const DIGITS = 4;
+const MOST_DIGITS = 9;
+
+/** A failure's value with its unit, in so many digits that it is not the limit. */
+export function failureValue({ limit, value, what }: Failure, t: Translate): string {
+  if (value === null) return t("report.not_finite");
+  if (Number.isInteger(value)) return limitValue(value, what);
+  let digits = DIGITS;
+  while (limit !== null && digits < MOST_DIGITS && Number(value.toFixed(digits)) === limit) digits += 1;
+  return `${fixed(value, digits)} ${stemOf(what).unit}`.trimEnd();
+}
+
+/** The limit of a failure with its unit. */
+export function limitValue(limit: number, what: string): string {
+  return `${plain(limit)} ${stemOf(what).unit}`.trimEnd();
 }

@@ -1,7 +1,7 @@
 import "./results.css";
 import { h } from "./elements";
 import type { AxisReport, Clock, CreatePanel, Failure, Made, Selection, Translate } from "./panels";
-import { ALL, FACTS, QUANTITIES, failureName, failureValue, fixed, limitsOf, plain, shown, type Quantity } from "./quantities";
+import { ALL, FACTS, QUANTITIES, failureName, failureValue, fixed, limitValue, limitsOf, plain, shown, type Quantity } from "./quantities";
 import { bar, facts, link, numeric, table, words } from "./tables";
 
 // Failures in the table; beyond them it gives a count.
@@ -71,8 +71,8 @@ export function failuresTable(made: Made, clock: Clock, t: Translate, selection:
     .map((failure) => [
       place(made, failure, clock, t, selection),
       failureName(failure, t),
-      failureValue(failure.value, failure.what, t),
-      failure.limit === null ? "–" : failureValue(failure.limit, failure.what, t),
+      failureValue(failure, t),
+      failure.limit === null ? "–" : limitValue(failure.limit, failure.what),
     ]);
   const values = [numeric(t("report.found")), numeric(t("report.limit"))];
   const columns = [words(t("report.place")), words(t("report.what")), ...values];
@@ -100,8 +100,9 @@ export const createBadge: CreatePanel = (root, _clock, t) => {
       return h("span", {}, `${t(`quantity.${key}`)} `, h("b", {}, shown(report[key], quantity, t)));
     });
     const what = unjudged.map(({ key }) => t(`quantity.${key}`)).join(", ");
-    const free = what ? [h("b", {}, t("verdict.unjudged", { what }))] : [];
+    const free = what ? [h("b", { class: "free" }, t("verdict.unjudged", { what }))] : [];
     badge.replaceChildren(h("strong", {}, word), ...free, ...numbers);
+    badge.title = [...badge.children].map(({ textContent }) => textContent).join(" · ");
   }
 
   render();
