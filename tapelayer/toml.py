@@ -10,9 +10,10 @@ from typing import Any
 
 from tapelayer.errors import Fault, InputRefused
 
-# A key of very many dots, or a number of very many digits, takes a parser of TOML more memory and time than there is.
+# A key of many dots, or a number of very many digits, takes a parser of TOML more memory and time than there is.
 MOST_BYTES = 1 << 18
 LONGEST_LINE = 1000
+KEY_OF_DOTS = re.compile(r"""(?:(?:[\w-]++|"(?:[^"\\]|\\.)*+"|'[^']*+')[ \t]*+\.[ \t]*+){17}""", re.ASCII)
 
 
 def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict[str, Any], str]:
@@ -32,10 +33,13 @@ def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise refused(name, [Fault(0, f"byte {error.start} is not UTF-8; save the file as UTF-8")]) from None
-    for number, line in enumerate(text.splitlines(), 1):
+    # Only these end a line of TOML.
+    for number, line in enumerate(text.split("\n"), 1):
         if len(line) > LONGEST_LINE:
             sentence = f"the line has {len(line)} characters, expected at most {LONGEST_LINE}; break it"
             raise refused(name, [Fault(number, sentence)])
+        if KEY_OF_DOTS.search(line):
+            raise refused(name, [Fault(number, "the line has a name with more than 16 dots; use fewer")])
     try:
         return tomllib.loads(text), text
     except tomllib.TOMLDecodeError as error:

@@ -33,6 +33,12 @@ def test_a_byte_order_mark_is_none_of_the_text() -> None:
     )
 
 
+@pytest.mark.parametrize("line", ["." * 900, "a.b " * 200, "1.5, " * 190, '"' + '." ".' * 150 + '"'])
+def test_dots_in_a_text_are_none_of_a_name(line: str) -> None:
+    text = f"texts = '{line}'\n# {line}"
+    assert read_toml(text.encode(), "s", SetupRefused)[0] == {"texts": line}
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
@@ -41,6 +47,12 @@ def test_a_byte_order_mark_is_none_of_the_text() -> None:
         (b"[part]\nl1_mm = " + b"[\n" * 5000, "s: tables or arrays are nested too deeply to be read"),
         # As a key of many dots: 80 GB in the standard library's parser.
         (b"\n" + b"a." * 100000 + b"b = 1", "s:2: the line has 200005 characters, expected at most 1000; break it"),
+        (b"\n" + b"a . " * 17 + b"b = 1", "s:2: the line has a name with more than 16 dots; use fewer"),
+        # What ends a line elsewhere ends none of TOML.
+        (
+            '"\u2028\\"".a.\'"\'.\t'.encode() * 6 + b"b = 1",
+            "s:1: the line has a name with more than 16 dots; use fewer",
+        ),
         # As a number of many digits: no error of TOML in the standard library's parser.
         (b"x = " + b"1" * 5000, "s:1: the line has 5004 characters, expected at most 1000; break it"),
         (b"#\n" * (1 << 17) + b"#", "s: has 262145 bytes, expected at most 262144; is it the right file?"),
