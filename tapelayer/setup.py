@@ -23,6 +23,8 @@ from tapelayer.toml import read_toml
 
 MM = 1e-3
 DEG = math.pi / 180.0
+# More faults than these are no slips: they are counted, and each of them takes time to be worded.
+MOST_FAULTS = 100
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0)]
@@ -281,12 +283,15 @@ def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text:
     try:
         return model.model_validate(table)
     except ValidationError as error:
-        faults = []
-        for found in error.errors():
+        lines, faults = _lines_of_keys(text), []
+        for found in error.errors()[:MOST_FAULTS]:
             place = tuple(str(part) for part in found["loc"])
             sentence = _sentence(model, place, found["type"], found["msg"], found["input"])
-            faults.append(Fault(_line_of(text, place), sentence, place=place))
-        raise SetupRefused(name, sorted(set(faults), key=lambda fault: fault.line)) from None
+            faults.append(Fault(_line_of(lines, place), sentence, place=place))
+        faults = sorted(set(faults), key=lambda fault: fault.line)
+        if error.error_count() > MOST_FAULTS:
+            faults.insert(0, Fault(0, f"has {error.error_count()} faults; is it the right file?"))
+        raise SetupRefused(name, faults) from None
 
 
 def default_text(model: type[Section], title: str) -> str:
@@ -358,21 +363,20 @@ def _unknown(model: type[Section], place: tuple[str, ...]) -> str:
     return f"unknown key {key} in [{place[0]}]; did you mean {near[0]}{'' if other == place[0] else f' in [{other}]'}?"
 
 
-def _line_of(text: str, place: tuple[str, ...]) -> int:
-    """Line (from 1) of a key in TOML text, by its section header and name; 0 where it is not found."""
-    if not place:
-        return 0
-    section, found = "", 0
-    for number, line in enumerate(text.splitlines(), 1):
-        header = re.match(r"\s*\[\s*([^\]]+?)\s*\]", line)
-        if header:
+def _lines_of_keys(text: str) -> dict[tuple[str, ...], int]:
+    """Lines (from 1) of TOML text where a section, or a key of a section, stands first; keys outside of one have ""."""
+    section = ""
+    lines: dict[tuple[str, ...], int] = {}
+    for number, line in enumerate(text.split("\n"), 1):
+        if header := re.match(r"\s*\[\s*([^\]]+?)\s*\]", line):
             section = header[1]
-            if section == place[0]:
-                found = found or number
-            continue
-        key = re.match(r"""\s*["']?([\w-]+)["']?\s*(\.|=)""", line)
-        if key and len(place) > 1 and section == place[0] and key[1] == place[1]:
-            return number
-        if key and section == "" and key[1] == place[0]:
-            return number
-    return found
+            lines.setdefault((section,), number)
+        elif key := re.match(r"""\s*["']?([\w-]+)["']?\s*(\.|=)""", line):
+            lines.setdefault((section, key[1]), number)
+    return lines
+
+
+def _line_of(lines: Mapping[tuple[str, ...], int], place: tuple[str, ...]) -> int:
+    """Line of a key, or of its section; 0 where neither is found."""
+    known = (place[:2], ("", *place[:1]), place[:1])
+    return next((lines[key] for key in known if key in lines), 0)

@@ -79,6 +79,15 @@ def test_fault_is_named_with_its_line(text: str, message: str) -> None:
     assert refused(text) == message
 
 
+def test_a_file_of_faults_alone_is_counted() -> None:
+    text = "[part]\n" + "\n".join(f"k{number} = 1" for number in range(20_000))
+    message = refused(text)
+    assert message.startswith(
+        "job.toml: has 20000 faults; is it the right file?\njob.toml:2: unknown key k0 in [part]; "
+    )
+    assert message.endswith("\njob.toml: and 81 more faults")
+
+
 def test_all_faults_at_once() -> None:
     text = "[process]\nlay_speed = 3\napproach_mm = 0\n[tape]\nwidth_mm = inf\n"
     assert [line.split(":")[1] for line in refused(text).splitlines()] == ["2", "3", "5"]
