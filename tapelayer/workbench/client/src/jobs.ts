@@ -25,7 +25,7 @@ export function stateKey({ state, error }: Job): string {
 export function createJobList(root: HTMLElement, open: (id: string) => void, removed: (id: string) => void, failed: (error: unknown) => void): JobList {
   const body = h("tbody");
   const heads = ["jobs.name", "jobs.kind", "jobs.state", "jobs.blocks", "jobs.created"].map((key) => h("th", { t: key, scope: "col" }));
-  const table = h("table", { testid: "jobs", class: "jobs" }, h("thead", {}, h("tr", {}, ...heads, h("th"))), body);
+  const table = h("table", { testid: "jobs", class: "jobs" }, h("thead", {}, h("tr", {}, ...heads, h("td"))), body);
   const empty = h("p", { class: "about", t: "jobs.none" });
   root.append(table, empty);
   let found: Job[] = [];
@@ -38,7 +38,7 @@ export function createJobList(root: HTMLElement, open: (id: string) => void, rem
       removed(job.id);
       refresh();
     };
-    const name = h("a", { href: `#job=${job.id}`, onclick: () => open(job.id) }, job.name);
+    const name = h("a", { href: `#job=${job.id}`, title: job.name, onclick: () => open(job.id) }, job.name);
     const removing = h("button", { type: "button", class: "quiet", testid: "job-delete", t: "jobs.delete", onclick: () => void remove().catch(failed) });
     const cells = [t(`kind.${job.kind}`), t(stateKey(job)), job.summary ? String(job.summary.blocks) : "", local(job.created_at)];
     const element = h(

@@ -5,12 +5,12 @@ import { h, translateAll } from "./elements";
 import { createForm } from "./form";
 import { createHelp } from "./help";
 import { currentLanguage, LANGUAGES, setLanguage, t, type Language } from "./i18n";
-import { createImport } from "./importing";
+import { createImport, type Source } from "./importing";
 import { createJobList } from "./jobs";
 import { createLayout } from "./layout";
 import { createLedger } from "./ledger";
 import { createNotice } from "./notice";
-import type { Job, Kind, Made, Panel } from "./panels";
+import type { Job, Kind, Made, Panel, SetupValues } from "./panels";
 import { createPlayer } from "./player";
 import { createPlots } from "./plots";
 import { createProgram } from "./program";
@@ -167,23 +167,25 @@ function refused(error: unknown): void {
 }
 
 async function generate(): Promise<void> {
+  if (running.busy) return;
   if (!input.source) {
     notice.show({ type: "", title: "", status: 0, code: "no-file", detail: t("problem.no-file.detail") });
     input.askForFile();
     return;
   }
   if (!form.check()) return;
-  const { kind, unit, mould, parts } = input;
-  const values = form.values();
+  notice.clear();
   try {
-    const setup = Object.keys(values).length ? await api.formatSetup(kind, values) : "";
-    const file = await input.source.file();
-    notice.clear();
-    const end = await running.run({ file, kind, setup, unit, mould, parts }, accepted);
-    await ended(end);
+    await ended(await running.run(request(input.source, form.values()), accepted));
   } catch (error) {
     refused(error);
   }
+}
+
+async function request(source: Source, values: SetupValues): Promise<api.Request> {
+  const { kind, unit, mould, parts } = input;
+  const setup = Object.keys(values).length ? await api.formatSetup(kind, values) : "";
+  return { file: await source.file(), kind, setup, unit, mould, parts };
 }
 
 /** The address names the job from now on: a reload or a colleague finds it there. */
@@ -198,7 +200,7 @@ async function ended(job: Job): Promise<void> {
   list.refresh();
   const judgedBad = job.error?.code === "verification-failed";
   if (job.state === "done" || judgedBad) await show(job);
-  if (job.state === "failed" && job.error && !judgedBad) notice.show(job.error);
+  if (job.state === "failed" && job.error && !judgedBad) notice.show(job.error, made?.job.name);
   form.faults(job.error?.faults ?? []);
 }
 

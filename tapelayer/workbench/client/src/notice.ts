@@ -4,7 +4,8 @@ import { problemTitle, t } from "./i18n";
 import type { Fault, Problem } from "./panels";
 
 export interface Notice {
-  show(problem: Problem): void;
+  /** `former` names what was made before and is still shown. */
+  show(problem: Problem, former?: string): void;
   /** Shows what was thrown; silent where somebody broke it off. */
   report(error: unknown): void;
   clear(): void;
@@ -27,6 +28,7 @@ function sentences(problem: Problem): HTMLElement[] {
 /** What went wrong, in the server's own sentences under a translated heading. */
 export function createNotice(root: HTMLElement): Notice {
   let current: Problem | null = null;
+  let remaining = "";
 
   const draw = (): void => {
     root.replaceChildren();
@@ -41,12 +43,14 @@ export function createNotice(root: HTMLElement): Notice {
         h("header", {}, h("strong", {}, problemTitle(current)), code, close),
         ...sentences(current),
         ...reference,
+        ...(remaining ? [h("p", { class: "about former" }, t("problem.former", { name: remaining }))] : []),
       ),
     );
   };
 
-  const show = (problem: Problem): void => {
+  const show = (problem: Problem, former = ""): void => {
     current = problem;
+    remaining = former;
     draw();
   };
 

@@ -5,14 +5,17 @@ import { stateKey } from "./jobs";
 import type { Job } from "./panels";
 
 export interface Running {
-  /** Sends the job and follows it to its end; `accepted` hears of it once the server has it. */
-  run(request: Request, accepted: (job: Job) => void): Promise<Job>;
+  readonly busy: boolean;
+  /** Sends the job as soon as it is prepared, and follows it to its end; `accepted` hears of it once the server has it. */
+  run(request: Promise<Request>, accepted: (job: Job) => void): Promise<Job>;
   /** Follows a job that is under way. */
   follow(job: Job): Promise<Job>;
   /** Stops following; the job itself goes on. */
   leave(): void;
   retranslate(): void;
 }
+
+const LOST = "stage.lost";
 
 /** Generate, cancel, and how far the job is. */
 export function createRunning(root: HTMLElement, generate: () => void, failed: (error: unknown) => void): Running {
@@ -42,7 +45,7 @@ export function createRunning(root: HTMLElement, generate: () => void, failed: (
     stop.hidden = !busy || running?.mine === false;
     bar.hidden = !busy;
     bar.value = progress;
-    word.textContent = stage && (busy && progress ? `${t(stage)} ${Math.floor(progress * 100)} %` : t(stage));
+    word.textContent = stage && (busy && progress && stage !== LOST ? `${t(stage)} ${Math.floor(progress * 100)} %` : t(stage));
     word.dataset["stage"] = stage;
   };
 
@@ -70,7 +73,7 @@ export function createRunning(root: HTMLElement, generate: () => void, failed: (
           onState: told,
           onProgress: (now, name) => told({ ...running!, state: "running", progress: now, stage: name }),
           onLost() {
-            stage = "stage.lost";
+            stage = LOST;
             draw();
           },
         },
@@ -93,7 +96,10 @@ export function createRunning(root: HTMLElement, generate: () => void, failed: (
 
   draw();
   return {
-    run: (request, accepted) => watch((signal) => createJob(request, signal), accepted),
+    get busy() {
+      return leaving !== null;
+    },
+    run: (request, accepted) => watch(async (signal) => createJob(await request, signal), accepted),
     follow: (job) => watch(async () => job, () => {}),
     leave() {
       leaving?.abort();
