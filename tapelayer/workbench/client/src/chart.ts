@@ -87,7 +87,7 @@ export class ChartView {
       swatch.style.background = `var(${curve.colour})`;
       return h("span", {}, ...(curves.length > 1 ? [swatch] : []), `${curve.name} `, this.told[index]!);
     });
-    const title = h("h4", {}, ...names, h("small", {}, unit));
+    const title = h("h3", {}, ...names, h("small", {}, unit));
     const frame = h("div", { class: "plot-frame" });
     this.element = h("figure", { class: "plot", testid: `plot-${name}`, role: "group", "aria-label": `${heading} ${unit}` }, title, frame);
     this.plot = new uPlot(this.options(), [[], ...curves.map(() => [])] as uPlot.AlignedData, frame);

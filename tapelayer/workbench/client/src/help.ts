@@ -29,7 +29,7 @@ function words(names: string[], key: string): HTMLElement {
 
 function axesDrawing(): HTMLElement {
   const svg = document.importNode(new DOMParser().parseFromString(drawing, "image/svg+xml").documentElement, true);
-  return h("figure", { tLabel: "help.drawing" }, svg);
+  return h("figure", {}, svg);
 }
 
 /** A short guide, the axes, the words of the program and the keys. */

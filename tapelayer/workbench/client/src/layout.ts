@@ -15,6 +15,7 @@ export interface Layout {
 
 interface Size {
   name: "left" | "right" | "bottom";
+  start: () => number;
   least: number;
   most: () => number;
   grows: (dx: number, dy: number) => number;
@@ -22,18 +23,22 @@ interface Size {
 
 const rem = (): number => parseFloat(getComputedStyle(document.documentElement).fontSize);
 
+const wide = (): number => innerWidth / rem();
+const high = (): number => innerHeight / rem();
+
 // In rem, so that a page looks the same on a screen with more points.
-const SIZES: Record<Size["name"], Size & { start: number }> = {
-  left: { name: "left", start: 24, least: 17, most: () => innerWidth / rem() / 2.5, grows: (dx) => dx },
-  right: { name: "right", start: 27, least: 15, most: () => innerWidth / rem() / 2, grows: (dx) => -dx },
-  bottom: { name: "bottom", start: 19, least: 3, most: () => innerHeight / rem() / 1.6, grows: (_, dy) => -dy },
+const SIZES: Record<Size["name"], Size> = {
+  left: { name: "left", start: () => 24, least: 17, most: () => wide() / 2.5, grows: (dx) => dx },
+  // Where there is room for it, a block of ten axes is seen in full.
+  right: { name: "right", start: () => Math.max(27, 0.23 * wide()), least: 15, most: () => wide() / 2, grows: (dx) => -dx },
+  bottom: { name: "bottom", start: () => Math.max(19, 0.27 * high()), least: 3, most: () => high() / 1.6, grows: (_, dy) => -dy },
 };
 
 /** A bar that changes a size by dragging or by the arrow keys; the size is remembered. */
 function splitter(frame: HTMLElement, name: Size["name"]): HTMLElement {
   const { start, least, most, grows } = SIZES[name];
   const lying = name === "bottom";
-  let size = remembered<number>(`size.${name}`, start);
+  let size = remembered<number>(`size.${name}`, start());
   const bar = h("div", {
     class: `splitter ${name}`,
     role: "separator",
@@ -63,7 +68,7 @@ function splitter(frame: HTMLElement, name: Size["name"]): HTMLElement {
     bar.addEventListener("lostpointercapture", end, { once: true });
   });
   bar.addEventListener("dblclick", () => {
-    set(start);
+    set(start());
     keep();
   });
   bar.addEventListener("keydown", (event) => {
@@ -77,7 +82,7 @@ function splitter(frame: HTMLElement, name: Size["name"]): HTMLElement {
     set(size + grows(...step));
     keep();
   });
-  addEventListener("resize", () => set(remembered<number>(`size.${name}`, start)));
+  addEventListener("resize", () => set(remembered<number>(`size.${name}`, start())));
   set(size);
   return bar;
 }
@@ -85,7 +90,7 @@ function splitter(frame: HTMLElement, name: Size["name"]): HTMLElement {
 function tabs(names: string[]): Pick<Layout, "tab" | "showTab" | "onTab"> & { element: HTMLElement } {
   const listeners: ((name: string) => void)[] = [];
   const list = h("div", { role: "tablist", tLabel: "tabs" });
-  const element = h("section", { class: "dock" }, list);
+  const element = h("section", { class: "dock", tLabel: "tabs" }, list);
   const buttons = new Map<string, HTMLElement>();
   const panels = new Map<string, HTMLElement>();
   const show = (name: string): void => {

@@ -20,7 +20,7 @@ const MM = 1e-3;
 const DEG = Math.PI / 180;
 
 const SOLID = new MeshLambertMaterial({ vertexColors: true });
-const GHOST = new MeshLambertMaterial({ vertexColors: true, transparent: true, opacity: 0.14 });
+const GHOST = new MeshLambertMaterial({ vertexColors: true, transparent: true, opacity: 0.11 });
 const VEIL = new MeshLambertMaterial({ vertexColors: true, transparent: true, opacity: 0.3 });
 // Of what one looks through, the nearest surface alone is drawn: its depth comes first.
 const DEPTH = new MeshLambertMaterial({ vertexColors: true, transparent: true, colorWrite: false });

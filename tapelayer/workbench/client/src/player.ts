@@ -212,8 +212,9 @@ export const createPlayer: CreatePlayer = (root, t) => {
     axes.replaceChildren();
     lamps.replaceChildren();
     for (const axis of motion?.axes ?? []) {
-      const value = h("dd", { testid: `axis-${axis.name}` });
-      axes.append(h("div", {}, h("dt", {}, axis.name), value, h("span", {}, axis.revolute ? "°" : axis.unit)));
+      const value = h("output", { testid: `axis-${axis.name}` });
+      const unit = h("span", {}, axis.revolute ? "°" : axis.unit);
+      axes.append(h("div", {}, h("dt", {}, axis.name), h("dd", {}, value, unit)));
       values.push(value);
     }
     for (const name of motion?.switches ?? []) {

@@ -105,7 +105,7 @@ function histogram(root: HTMLElement, coat: Table, t: Translate): uPlot {
   const centres = counts.map((_, bin) => least + (bin + 0.5) * step);
   const unit = coat.unit === "um" ? "µm" : t("plots.relative");
   const frame = h("div", { class: "plot-frame" });
-  const heading = h("h4", {}, t("plots.histogram", { unit }));
+  const heading = h("h3", {}, t("plots.histogram", { unit }));
   root.replaceChildren(h("figure", { class: "plot wide", testid: "plot-thickness" }, heading, frame));
   const bars: uPlot.Series = {
     stroke: colour("--plot-1"),

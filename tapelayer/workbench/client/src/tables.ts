@@ -16,7 +16,9 @@ export function table(caption: string, columns: Column[], rows: Content[][], foo
   const style = (index: number): string | undefined => (columns[index]!.numeric ? "number" : undefined);
   const line = (cells: Content[]): HTMLElement =>
     h("tr", {}, ...cells.map((cell, index) => h("td", { class: style(index) }, cell)));
-  const headings = columns.map(({ heading }, index) => h("th", { scope: "col", class: style(index) }, heading));
+  const headings = columns.map(({ heading }, index) =>
+    heading ? h("th", { scope: "col", class: style(index) }, heading) : h("td"),
+  );
   const made = h(
     "table",
     { class: "result" },

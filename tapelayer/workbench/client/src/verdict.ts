@@ -197,6 +197,8 @@ function factsList(made: Made, t: Translate): HTMLElement {
 export const createVerdict: CreatePanel = (root, clock, t, selection) => {
   let made: Made | null = null;
   root.classList.add("results");
+  // It scrolls, and has nothing else that takes the keys there.
+  root.tabIndex = 0;
 
   function render(): void {
     if (!made) {
