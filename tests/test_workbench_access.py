@@ -18,7 +18,16 @@ from starlette.responses import JSONResponse, StreamingResponse
 from starlette.types import Message, Receive, Scope, Send
 
 from tapelayer.workbench import access
-from tapelayer.workbench.access import LOOPBACK, MAX_JSON_BYTES, MAX_JSON_DEPTH, Access, Gate, Guard, json_depth
+from tapelayer.workbench.access import (
+    LOOPBACK,
+    MAX_BODY_BYTES,
+    MAX_JSON_DEPTH,
+    MAX_ROWS_BYTES,
+    Access,
+    Gate,
+    Guard,
+    json_depth,
+)
 from tapelayer.workbench.problems import MEDIA_TYPE, Problem
 
 TOKEN = "0123456789abcdef-of-the-shop"
@@ -92,7 +101,9 @@ def test_own_names_are_let_in(host: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "host", ["", "evil.example", "localhost.evil.example", "127.0.0.1.evil.example:8765", "[::2]", "[", "cell-5", "::1"]
+    "host",
+    ["", "evil.example", "localhost.evil.example", "127.0.0.1.evil.example:8765", "[::2]", "[", "cell-5", "::1"]
+    + ["localhost..", "a@localhost", "localhost#a", "localhost/a", "localhost:a", "[::1]a", "localhost,localhost"],
 )
 def test_other_names_are_not(host: str) -> None:
     for path in ("/", "/api/v1/jobs"):
@@ -338,15 +349,21 @@ async def chunks(*sizes: int) -> AsyncIterator[bytes]:
 
 
 @pytest.mark.parametrize(
-    ("media_type", "limit"),
-    [("multipart/form-data; boundary=x", LIMIT), ("text/plain", MAX_JSON_BYTES), ("application/json", MAX_JSON_BYTES)],
+    ("path", "media_type", "limit"),
+    [
+        ("/api/v1/jobs", "multipart/form-data; boundary=x", LIMIT),
+        ("/api/v1/setup/parse", "text/plain", MAX_BODY_BYTES),
+        ("/api/v1/session", "application/json", MAX_BODY_BYTES),
+        ("/api/v1/inverse", "application/json", MAX_ROWS_BYTES),
+        ("/api/v1/forward", "multipart/form-data; boundary=x", MAX_ROWS_BYTES),
+    ],
 )
-def test_bodies_are_bounded(media_type: str, limit: int) -> None:
+def test_bodies_are_bounded(path: str, media_type: str, limit: int) -> None:
     headers = {"Content-Type": media_type}
-    full = client().post("/api/v1/jobs", content=b"1" * limit, headers=headers)
+    full = client().post(path, content=b"1" * limit, headers=headers)
     assert full.json()["length"] == limit
     for content in (b"1" * (limit + 1), chunks(limit, 1), chunks(limit + 1), chunks(limit + 1, limit, limit)):
-        response = client().post("/api/v1/jobs", content=content, headers=headers)
+        response = client().post(path, content=content, headers=headers)
         body = assert_problem(response, "upload-too-large", 413)
         assert body["limit_bytes"] == limit
 
@@ -383,9 +400,9 @@ def nested(depth: int) -> bytes:
 def test_deep_json_is_refused(media_type: str) -> None:
     headers = {"Content-Type": media_type}
     deepest = nested(MAX_JSON_DEPTH)
-    assert client().post("/api/v1/inverse", content=deepest, headers=headers).json()["length"] == len(deepest)
-    for body in (nested(MAX_JSON_DEPTH + 1), b"[" * 10**6, b'{"a":' * 10**6, b'{"]]]]": ' * 65):
-        assert_problem(client().post("/api/v1/inverse", content=body, headers=headers), "invalid-request", 422)
+    assert client().post("/api/v1/setup/format", content=deepest, headers=headers).json()["length"] == len(deepest)
+    for body in (nested(MAX_JSON_DEPTH + 1), b"[" * 10**5, b'{"a":' * 10**4, b'{"]]]]": ' * 65):
+        assert_problem(client().post("/api/v1/setup/format", content=body, headers=headers), "invalid-request", 422)
 
 
 JSON = st.recursive(

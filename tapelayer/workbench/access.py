@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import urlsplit
 
 import numpy as np
 from starlette.datastructures import Headers, MutableHeaders
@@ -43,12 +42,17 @@ SESSION_COOKIE = "tapelayer_session"
 SESSION_SECONDS = 12 * 3600
 
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
-MAX_JSON_BYTES = 32 * 2**20
+# Setups and tokens are small; what is larger is rows, which are read beside the event loop and bound their own depth.
+ROWS = frozenset({"/api/v1/inverse", "/api/v1/forward"})
+MAX_ROWS_BYTES = 32 * 2**20
+MAX_BODY_BYTES = 2**18
+FORM = "multipart/form-data"
 MAX_JSON_DEPTH = 64
 # A string of JSON, also one without an end; it is never looked at twice, whatever is sent.
 JSON_STRING = re.compile(rb'"[^"\\]*+(?:\\.[^"\\]*+)*+"?', re.DOTALL)
 NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 DRAIN_SECONDS = 5.0
+HOST = re.compile(r"(?:\[([0-9a-f:.]+)\]|([a-z0-9_.-]*[a-z0-9_-])\.?)(?::[0-9]*)?")
 
 TRIES = 10
 TRIES_SECONDS = 60.0
@@ -185,7 +189,7 @@ class Guard:
             await problem_response(problem)(scope, receive, answer.send)
         except Exception:
             reference = secrets.token_hex(4)
-            LOG.exception("reference %s: %s %s", reference, scope["method"], scope["path"])
+            LOG.exception("reference %s: %s %r", reference, scope["method"], scope["path"])
             if answer.begun.is_set():
                 raise
             detail = f"something went wrong in the server; its log has the rest under the reference {reference}"
@@ -241,8 +245,9 @@ class _Body:
         media_type = headers.get("content-type", "").partition(";")[0].strip().lower()
         length = headers.get("content-length", "")
         self._receive = receive
-        self._json = media_type == "application/json" or media_type.endswith("+json")
-        self._limit = max_upload if media_type == "multipart/form-data" else MAX_JSON_BYTES
+        rows = scope["path"] in ROWS
+        self._json = not rows and (media_type == "application/json" or media_type.endswith("+json"))
+        self._limit = MAX_ROWS_BYTES if rows else max_upload if media_type == FORM else MAX_BODY_BYTES
         self._length = int(length) if length.isdecimal() else 0
         self._count = 0
         self._more = self._length > 0 or "transfer-encoding" in headers
@@ -366,14 +371,6 @@ def json_depth(body: bytes) -> int:
     return int(np.max(np.cumsum(steps, dtype=np.int32), initial=0))
 
 
-def host_name(host: str) -> str:
-    """Name in a Host header or in an origin, in lower case, without port and brackets; empty where it is none."""
-    try:
-        return (urlsplit(f"//{host}").hostname or "").removesuffix(".")
-    except ValueError:
-        return ""
-
-
 def _headers_of(path: str) -> dict[str, str]:
     """What a browser has to keep to with an address's answer."""
     if path == DOCS:
@@ -387,8 +384,8 @@ def _headers_of(path: str) -> dict[str, str]:
 def _check_host(headers: Headers, scope: Scope, hosts: frozenset[str]) -> None:
     """Refuse a name that somebody else may have made point here (DNS rebinding)."""
     host = headers.get("host", "")
-    name = host_name(host)
-    if name in hosts or name == _own_address(scope):
+    match = HOST.fullmatch(host.lower())
+    if match and (match[1] or match[2]) in {*hosts, _own_address(scope)}:
         return
     raise Problem("host-not-allowed", f"this server does not go by {host[:100]!r}; --allow-host adds a name to it")
 

@@ -174,7 +174,7 @@ def setup_schema(kind: JobKind) -> dict[str, Any]:
     return MODELS[kind].model_json_schema()
 
 
-@router.post("/setup/parse", responses=responses("setup-refused", "invalid-request"))
+@router.post("/setup/parse", responses=responses("setup-refused", "foreign-origin", "upload-too-large"))
 def parse(kind: JobKind, text: Annotated[bytes, Body(media_type="text/plain")] = b"") -> SetupValues:
     """Read a setup's TOML: only the keys that it sets."""
     return SetupValues(values=values_of(text, kind))
@@ -183,7 +183,7 @@ def parse(kind: JobKind, text: Annotated[bytes, Body(media_type="text/plain")] =
 @router.post(
     "/setup/format",
     response_class=PlainTextResponse,
-    responses=content("text/plain") | responses("setup-refused", "invalid-request"),
+    responses=content("text/plain") | responses("setup-refused", "foreign-origin", "upload-too-large"),
 )
 def format(wanted: SetupWanted) -> Response:
     """Write values as a setup's TOML, which is read back as the same values."""
