@@ -18,9 +18,10 @@ from tapelayer.machine import Machine
 from tapelayer.setup import DEG, MM
 from tapelayer.spraying import AXES
 from tapelayer.workbench.catalogue import machine_of
-from tapelayer.workbench.problems import EVERYWHERE, responses
+from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 
 MOST_ROWS = 100_000
+MOST_NAMES = 100
 # Millimetres, degrees and vectors beyond it are mistakes, and their squares would be no numbers.
 GREATEST = 1e12
 
@@ -208,9 +209,13 @@ async def _asked(request: Request, models: TypeAdapter[Model]) -> Model:
     """What a request asks for.
 
     Raises:
+        Problem: it has too many names.
         RequestValidationError: it is no JSON, or not what the models describe.
     """
     body = await request.body()
+    # Each name that is too many would be a fault to be told.
+    if body.count(b":") > MOST_NAMES:
+        raise Problem("invalid-request", f"the JSON has more than {MOST_NAMES} names; send the values as rows")
     try:
         # Beside the event loop and straight from the bytes: many thousand rows would hold up everybody else's requests.
         return await run_in_threadpool(models.validate_json, body)
