@@ -96,7 +96,8 @@ def test_a_display_name_is_the_last_part(sent: bytes, name: str) -> None:
 @pytest.mark.parametrize(
     "sent",
     [b"", b"..", b"a/", b"a/..", b"a\x00b", b"a\x1bb", b"x" * 201, b"\xff.txt", "\u202etxt.exe".encode()]
-    + ["a\u2028b".encode(), b"=?utf-8?b?!?=", b"=?none?b?YWJj?="],
+    + ["a\u2028b".encode(), b"=?utf-8?b?!?=", b"=?none?b?YWJj?="]
+    + [b"=?undefined?q?a?=", "=?é?q?a?=".encode(), b"=?idna?q?xn--a=ff?=", b"=?utf-7?q?+2AA-?="],
 )
 def test_what_cannot_be_shown_is_no_name(sent: bytes) -> None:
     with pytest.raises(Problem) as problem:

@@ -208,7 +208,7 @@ def display_name(file: bytes) -> str:
         # .NET sends a name that is not ASCII as an encoded word (RFC 2047).
         if name.startswith("=?"):
             name = str(email.header.make_header(email.header.decode_header(name)))
-    except (UnicodeDecodeError, LookupError, email.errors.HeaderParseError):
+    except (UnicodeError, LookupError, email.errors.MessageError):
         raise Problem("name-not-allowed", "a file's name is not UTF-8; send it as UTF-8") from None
     name = re.split(r"[/\\]", name)[-1].strip()
     if name in ("", ".", ".."):
