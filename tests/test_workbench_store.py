@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+import resource
 import sqlite3
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +33,17 @@ def add(store: Store, owner: str = "ann", **request: Any) -> Record:
     staged = store.stage()
     (staged / "source").write_bytes(b"1\nstart\n")
     return store.create(owner, REQUEST | request, staged)
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """No file of this process grows."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def folders(store: Store, name: str) -> set[str]:
@@ -142,6 +155,29 @@ def test_jobs_expire_by_the_day_they_ended(store: Store, monkeypatch: pytest.Mon
     assert store.expire(30) == 1
     assert store.of_owner("ann") == [queued, store.get(recent.id)]
     assert folders(store, "jobs") == {queued.id, recent.id}
+
+
+def test_a_full_disk_changes_nothing_and_can_be_made_room_on(store: Store) -> None:
+    record = store.begin(add(store).id)
+    store.advance(record.id, "planning", 0.5)
+    with full_disk():
+        for change in (lambda: store.finish(record.id, "done", None, None), lambda: store.delete(record.id)):
+            with pytest.raises(Problem, match="^the index of the jobs cannot be written: ") as problem:
+                change()
+            assert problem.value.code == "target-not-writable"
+        assert folders(store, "jobs") | folders(store, "trash") == set()
+    assert store.get(record.id).state == "running"
+    assert store.finish(record.id, "done", None, None).stage == "planning"
+    store.delete(record.id)
+
+
+def test_what_is_sent_is_for_nobody_else_of_this_machine(tmp_path: Path) -> None:
+    work = tmp_path / "new" / "work"
+    Store(work).close()
+    assert work.stat().st_mode & 0o777 == 0o700
+    work.chmod(0o750)
+    Store(work).close()
+    assert work.stat().st_mode & 0o777 == 0o750
 
 
 def test_one_server_at_a_time(tmp_path: Path) -> None:

@@ -14,12 +14,13 @@ from __future__ import annotations
 import errno
 import fcntl
 import json
+import os
 import secrets
 import shutil
 import sqlite3
 import threading
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -111,8 +112,11 @@ class Store:
         self._steps: dict[str, tuple[str, float]] = {}
         self._guard = threading.RLock()
         try:
+            # What users send is nobody else's on this machine.
+            if not self.work.exists():
+                self.work.mkdir(mode=0o700, parents=True)
             for folder in (self._jobs, self._staging, self._trash):
-                folder.mkdir(parents=True, exist_ok=True)
+                folder.mkdir(exist_ok=True)
             self._lock = (self.work / "lock").open("w")
         except OSError as error:
             raise self._refused(str(error.strerror).lower()) from None
@@ -145,6 +149,7 @@ class Store:
 
         Raises:
             TargetNotWritable: the disk is full.
+            Problem: likewise, as the index finds it.
         """
         record = Record(
             id=secrets.token_hex(16),
@@ -161,10 +166,13 @@ class Store:
             error=None,
         )
         write_request(staged, request)
+        # A job whose row is kept must not find half a file after a power cut.
+        _flush(staged, *staged.rglob("*"))
         staged.rename(self.folder(record.id))
+        _flush(self._jobs)
         values = (record.id, owner, record.kind, record.name, record.state, "", 0.0, record.created_at, _text(request))
-        with self._guard:
-            self._index.execute(
+        with self._change() as index:
+            index.execute(
                 "INSERT INTO jobs (id, owner, kind, name, state, stage, progress, created_at, request)"
                 " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 values,
@@ -183,7 +191,7 @@ class Store:
         """
         found = self._select("WHERE id = ?", job)
         if not found:
-            raise Problem("not-found", f"there is no job {job}; it may have expired or been removed")
+            raise Problem("not-found", f"there is no job {job[:40]}; it may have expired or been removed")
         return found[0]
 
     def of_owner(self, owner: str) -> list[Record]:
@@ -194,10 +202,10 @@ class Store:
         """Say that a job runs.
 
         Raises:
-            Problem: there is no such job.
+            Problem: there is no such job, or the disk is full.
         """
-        with self._guard:
-            self._index.execute("UPDATE jobs SET state = 'running' WHERE id = ?", (job,))
+        with self._change() as index:
+            index.execute("UPDATE jobs SET state = 'running' WHERE id = ?", (job,))
             return self.get(job)
 
     def advance(self, job: str, stage: str, progress: float) -> None:
@@ -211,36 +219,37 @@ class Store:
         """Say how a job ended.
 
         Raises:
-            Problem: there is no such job.
+            Problem: there is no such job, or the disk is full.
         """
-        with self._guard:
-            stage, progress = self._steps.pop(job, ("", 0.0))
-            self._index.execute(
+        with self._change() as index:
+            stage, progress = self._steps.get(job, ("", 0.0))
+            index.execute(
                 "UPDATE jobs SET state = ?, stage = ?, progress = ?, finished_at = ?, summary = ?, error = ?"
                 " WHERE id = ?",
                 (state, stage, 1.0 if state == "done" else progress, _now(), _text(summary), _text(error), job),
             )
+        with self._guard:
+            self._steps.pop(job, None)
             return self.get(job)
 
     def delete(self, job: str) -> None:
         """Remove a job that does not run, with its files.
 
         Raises:
-            Problem: there is no such job.
+            Problem: there is no such job, or the disk is full.
         """
-        with self._guard:
-            self.get(job)
-            gone = self._discard(job)
-        shutil.rmtree(gone, ignore_errors=True)
+        self._remove([self.get(job).id])
 
     def expire(self, keep_days: float) -> int:
-        """Remove the jobs that ended more than so many days ago; the number of them."""
+        """Remove the jobs that ended more than so many days ago; the number of them.
+
+        Raises:
+            Problem: the disk is full.
+        """
         oldest = _stamp(datetime.now(UTC) - timedelta(days=keep_days))
-        with self._guard:
-            gone = [self._discard(record.id) for record in self._select("WHERE finished_at < ?", oldest)]
-        for folder in gone:
-            shutil.rmtree(folder, ignore_errors=True)
-        return len(gone)
+        old = [record.id for record in self._select("WHERE finished_at < ?", oldest)]
+        self._remove(old)
+        return len(old)
 
     def recover(self) -> list[Record]:
         """Put right what the last server left; the queued jobs, the oldest first.
@@ -252,21 +261,38 @@ class Store:
                 self.finish(record.id, "failed", None, Problem("server-stopped", SERVER_STOPPED).body())
             folders = {folder.name for folder in self._jobs.iterdir()}
             rows = {record.id for record in self._select("")}
-            self._index.executemany("DELETE FROM jobs WHERE id = ?", [(job,) for job in rows - folders])
-            for job in folders - rows:
-                shutil.rmtree(self._jobs / job, ignore_errors=True)
+            self._remove(rows ^ folders)
             for parent in (self._staging, self._trash):
                 for left in parent.iterdir():
                     shutil.rmtree(left, ignore_errors=True)
             return self._select("WHERE state = 'queued' ORDER BY number")
 
-    def _discard(self, job: str) -> Path:
-        """Take a job out of the index; its folder on its way out, where what cannot be removed waits for a restart."""
-        gone = self._trash / secrets.token_hex(16)
-        with suppress(FileNotFoundError):
-            self.folder(job).rename(gone)
-        self._index.execute("DELETE FROM jobs WHERE id = ?", (job,))
-        return gone
+    def _remove(self, jobs: Collection[str]) -> None:
+        """Remove files, then rows: what is removed from a full disk makes room for the change of the index.
+
+        A folder that cannot be removed waits in the trash for a restart.
+        """
+        for job in jobs:
+            gone = self._trash / secrets.token_hex(16)
+            with suppress(FileNotFoundError):
+                self.folder(job).rename(gone)
+            shutil.rmtree(gone, ignore_errors=True)
+        with self._change() as index:
+            index.executemany("DELETE FROM jobs WHERE id = ?", [(job,) for job in jobs])
+
+    @contextmanager
+    def _change(self) -> Iterator[sqlite3.Connection]:
+        """The index, for a change that is made as a whole or not at all.
+
+        Raises:
+            Problem: it cannot be made.
+        """
+        try:
+            with self._guard, self._index as index:
+                index.execute("BEGIN")
+                yield index
+        except sqlite3.OperationalError as error:
+            raise Problem("target-not-writable", f"the index of the jobs cannot be written: {error}") from None
 
     def _select(self, clause: str, *values: str) -> list[Record]:
         with self._guard:
@@ -323,6 +349,16 @@ def write_request(folder: Path, request: Mapping[str, Any]) -> None:
         TargetNotWritable: the disk is full.
     """
     write_files({folder / "request.json": json.dumps(request, ensure_ascii=False).encode()})
+
+
+def _flush(*paths: Path) -> None:
+    """Have files and folders written to the disk."""
+    for path in paths:
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def _now() -> str:
