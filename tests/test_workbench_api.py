@@ -420,10 +420,13 @@ def test_jobs_are_cancelled_and_removed(workbench: Workbench, folder: Path) -> N
     with workbench.client() as client:
         running, _ = held(workbench, client, "running.txt")
         waiting = [client.submit(f"{number}.txt", FLAT).json()["id"] for number in range(2)]
+        # As of a worker that is killed while it saves.
+        (folder / "jobs" / running / "out").mkdir()
+        (folder / "jobs" / running / "out" / "program.nc").write_bytes(b"%\n")
         for job in (waiting[0], running):
             answer = client.post(f"/api/v1/jobs/{job}/cancel")
             assert (answer.status_code, answer.json()["state"]) == (202, "cancelled")
-            assert answer.json()["error"]["code"] == "cancelled"
+            assert (answer.json()["error"]["code"], answer.json()["results"]) == ("cancelled", [])
             assert client.ended(job) == client.post(f"/api/v1/jobs/{job}/cancel").json()
             assert_problem(client.result(job, "program"), "job-failed", 409)
         assert client.ended(waiting[1])["state"] == "done"

@@ -456,7 +456,7 @@ def _job(record: Record, request: Request) -> Job:
             "created_at": record.created_at,
             "summary": record.summary,
             "error": record.error,
-            "results": [address for address, file in RESULTS.items() if record.ended and (out / file).is_file()],
+            "results": [address for address, file in RESULTS.items() if record.summary and (out / file).is_file()],
             "sent": record.request,
             "mine": record.owner == request.state.owner,
         }
@@ -475,12 +475,13 @@ def _result(record: Record, request: Request, name: str) -> Path:
     """
     if not record.ended:
         raise Problem("job-not-finished", "the job is under way; follow its events and ask again when it is done")
-    path = _store(request).folder(record.id) / "out" / name
-    if path.is_file():
-        return path
+    # What a worker that was killed leaves is no result.
     if record.summary is None:
         reason = record.error["detail"] if record.error else record.state
         raise Problem("job-failed", f"the job made nothing: {reason}")
+    path = _store(request).folder(record.id) / "out" / name
+    if path.is_file():
+        return path
     raise Problem("not-made", f"this job has none: it is of kind {record.kind}")
 
 
