@@ -235,7 +235,6 @@ class ProgramView implements ProgramPanel {
 
   retranslate(): void {
     const { t } = this;
-    this.select.setAttribute("aria-label", t("program.course"));
     this.find.textContent = t("program.search");
     this.find.title = t("program.search_title");
     this.copy.textContent = t("program.copy");
@@ -272,9 +271,11 @@ class ProgramView implements ProgramPanel {
     const program = made?.program ?? null;
     for (const control of [this.select, this.find, this.copy]) control.disabled = program === null;
     this.copy.disabled ||= !navigator.clipboard;
+    const what = made?.kind === "spray" ? "pass" : "course";
+    const heading = t(`program.${what}`);
+    this.select.setAttribute("aria-label", heading);
     for (const option of this.select.options) {
-      const key = made?.kind === "spray" ? "place.pass" : "place.course";
-      option.textContent = option.value === "0" ? t("program.course") : t(key, { course: option.value });
+      option.textContent = option.value === "0" ? heading : t(`place.${what}`, { course: option.value });
     }
     if (made && program !== null) {
       this.download.href = made.url("program");
