@@ -839,8 +839,8 @@ TRACED = ["devtools.timeline", "disabled-by-default-devtools.timeline.frame"]
 SCRIPTS = {"FunctionCall", "EvaluateScript", "RunMicrotasks", "FireAnimationFrame", "TimerFire", "EventDispatch"}
 
 
-def longest_script_ms(trace: bytes) -> float:
-    """The longest time that scripts take between one frame and the next, in milliseconds."""
+def longest_script_ms(trace: bytes) -> tuple[float, float]:
+    """The longest that scripts take between one frame and the next, milliseconds: by the clock, and of a processor."""
     events = json.loads(trace)["traceEvents"]
     threads = {
         (event["pid"], event["tid"]): event["args"]["name"] for event in events if event["name"] == "thread_name"
@@ -848,14 +848,15 @@ def longest_script_ms(trace: bytes) -> float:
     own = [event for event in events if threads.get((event["pid"], event["tid"])) == "CrRendererMain"]
     frames = sorted(event["ts"] for event in own if event["name"] == "BeginMainThreadFrame")
     assert len(frames) > 1
-    times = np.zeros(len(frames) + 1)
+    times = np.zeros((len(frames) + 1, 2))
     end = 0
     for event in sorted((event for event in own if event["name"] in SCRIPTS and "dur" in event), key=itemgetter("ts")):
         # What runs inside of another is in its time already.
         if event["ts"] >= end:
             end = event["ts"] + event["dur"]
-            times[np.searchsorted(frames, event["ts"], side="right")] += event["dur"] / 1e3
-    return float(times.max())
+            times[np.searchsorted(frames, event["ts"], side="right")] += event["dur"], event["tdur"]
+    clock, processor = (times.max(axis=0) / 1e3).round(1).tolist()
+    return clock, processor
 
 
 @pytest.mark.slow
@@ -915,8 +916,8 @@ def test_a_hundred_thousand_blocks_stay_together(browser: Any, tmp_path: Path) -
             assert_on_the_way(person, made)
         person.leave()
     found = {"blocks": len(made.trajectory), "first_view_s": round(first_view, 2)}
-    longest = {what: round(longest_script_ms(trace), 1) for what, trace in traces.items()}
-    report = json.dumps(found | {"longest_script_of_a_frame_ms": longest})
+    longest = {what: longest_script_ms(trace) for what, trace in traces.items()}
+    report = json.dumps(found | {"longest_script_of_a_frame_ms_by_clock_and_processor": longest})
     sys.stdout.write(f"\n{report}\n")
     (SCREENSHOTS / "trace.json").write_text(report + "\n")
     for what, trace in traces.items():
