@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import resource
 import signal
 import sys
+import threading
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -223,6 +225,62 @@ def test_a_job_can_be_cancelled_while_it_waits_and_while_it_runs(tmp_path: Path,
         assert not (store.folder(waiting.id) / "begun").exists()
         with pytest.raises(Problem, match="there is no job ffff"):
             await foreman.cancel("ffff")
+
+    served(tmp_path / "work", Limits(workers=1), scenario)
+
+
+def test_a_job_ends_when_the_disk_has_room_for_that(
+    tmp_path: Path, stand_in: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(foreman_module, "RETRY_SECONDS", 0.01)
+    monkeypatch.setattr(foreman_module, "STOP_SECONDS", 0.1)
+
+    async def scenario(store: Store, foreman: Foreman) -> None:
+        record, removed = add(store, "hold"), add(store, "hold too")
+        foreman.submit(record)
+        foreman.submit(removed)
+        await begun(store, record)
+        watcher = asyncio.create_task(ended(foreman, record))
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+        try:
+            assert (await foreman.cancel(record.id)).state == "running"
+            await foreman.cancel(removed.id)
+            assert not watcher.done()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        store.delete(removed.id)
+        assert (await watcher).state == "cancelled"
+        assert store.get(record.id).state == "cancelled"
+        await until(lambda: not foreman._jobs)
+
+    served(tmp_path / "work", Limits(workers=1), scenario)
+
+
+def test_a_slow_disk_holds_nobody_up(tmp_path: Path, stand_in: None) -> None:
+    held, seen = threading.Event(), threading.Event()
+
+    def slow(store: Store) -> bool:
+        with store._change():
+            held.set()
+            return seen.wait(10)
+
+    async def scenario(store: Store, foreman: Foreman) -> None:
+        running, waiting = add(store, "hold"), add(store, "done")
+        foreman.submit(running)
+        await begun(store, running)
+        disk = asyncio.create_task(asyncio.to_thread(slow, store))
+        await until(held.is_set)
+        cancelling = asyncio.create_task(foreman.cancel(running.id))
+        foreman.submit(waiting)
+        # Another worker is on its way to the one that waits, while nothing can be said of either.
+        await until(lambda: not foreman._spares)
+        await until(lambda: bool(foreman._spares))
+        assert not cancelling.done()
+        seen.set()
+        assert await disk
+        assert (await cancelling).state == "cancelled"
+        assert (await ended(foreman, waiting)).state == "done"
 
     served(tmp_path / "work", Limits(workers=1), scenario)
 

@@ -82,6 +82,12 @@ def test_a_job_goes_through_its_states(store: Store) -> None:
     assert store.get(record.id) == done
 
 
+def test_what_has_ended_does_not_begin(store: Store) -> None:
+    record = add(store)
+    ended = store.finish(record.id, "cancelled", None, None)
+    assert store.begin(record.id) == ended
+
+
 def test_a_failed_job_stays_where_it_was(store: Store) -> None:
     record = add(store)
     store.begin(record.id)

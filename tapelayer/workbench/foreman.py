@@ -15,7 +15,7 @@ import signal
 import sys
 from asyncio.subprocess import PIPE, Process
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -92,10 +92,9 @@ class Foreman:
     async def stop(self) -> None:
         """End every process: what runs fails, what waits does so until the next start."""
         self._stopping = True
-        tasks = [*(run.task for run in self._jobs.values()), *self._errands, *self._chores]
-        for task in tasks:
+        for task in (*(run.work for run in self._jobs.values()), *self._errands, *self._chores):
             task.cancel()
-        if tasks:
+        if tasks := [*(run.ending for run in self._jobs.values()), *self._errands, *self._chores]:
             await asyncio.wait(tasks, timeout=STOP_SECONDS)
         await asyncio.gather(*(_end(spare) for spare in self._spares))
         self._spares.clear()
@@ -129,7 +128,7 @@ class Foreman:
             Problem: as `check_room`, or the server was stopped meanwhile.
         """
         self.check_room()
-        task = asyncio.create_task(self._work(folder, owner, lambda: None, lambda stage, progress: None))
+        task = asyncio.create_task(self._work(folder, owner, partial(asyncio.sleep, 0), lambda stage, progress: None))
         self._errands.add(task)
         task.add_done_callback(self._errands.discard)
         try:
@@ -140,16 +139,17 @@ class Foreman:
             raise
 
     async def cancel(self, job: str) -> Record:
-        """Cancel a job that waits or runs; the job as it is when nothing of it runs any more.
+        """Cancel a job that waits or runs; the job as it is when nothing of it runs any more, and that is kept.
 
         Raises:
             Problem: there is no such job.
         """
         run = self._jobs.get(job)
         if run:
-            run.task.cancel()
-            await asyncio.wait([run.task])
-        return self._store.get(job)
+            run.work.cancel()
+            # A full disk does not hold up who would make room on it.
+            await asyncio.wait([run.ending], timeout=STOP_SECONDS)
+        return await asyncio.to_thread(self._store.get, job)
 
     async def watch(self, job: str) -> AsyncIterator[Record]:
         """A job as it is, and again whenever it changes, until it has ended or the server stops.
@@ -159,7 +159,7 @@ class Foreman:
         """
         run = self._jobs.get(job)
         if not run:
-            yield self._store.get(job)
+            yield await asyncio.to_thread(self._store.get, job)
             return
         over = False
         while not over:
@@ -172,27 +172,40 @@ class Foreman:
     def _take_on(self, record: Record) -> None:
         run = _Run(record)
         begin, hear = partial(self._begin, run), partial(self._advance, run)
-        run.task = asyncio.create_task(self._work(self._store.folder(record.id), record.owner, begin, hear))
-        run.task.add_done_callback(partial(self._settle, run))
+        run.work = asyncio.create_task(self._work(self._store.folder(record.id), record.owner, begin, hear))
+        run.ending = asyncio.create_task(self._settle(run))
         self._jobs[record.id] = run
 
-    def _begin(self, run: _Run) -> None:
-        run.tell(self._store.begin(run.record.id))
+    async def _begin(self, run: _Run) -> None:
+        run.tell(await asyncio.to_thread(self._store.begin, run.record.id))
 
     def _advance(self, run: _Run, stage: str, progress: float) -> None:
         self._store.advance(run.record.id, stage, progress)
         run.tell(replace(run.record, stage=stage, progress=progress))
 
-    def _settle(self, run: _Run, task: asyncio.Task[Message]) -> None:
+    async def _settle(self, run: _Run) -> None:
         """Keep how a job ended, and tell its watchers."""
-        job = run.record.id
-        self._jobs.pop(job)
+        await asyncio.wait([run.work])
         try:
-            if not (task.cancelled() and self._stopping and run.record.state == "queued"):
-                message = self._outcome(task)
-                run.tell(self._store.finish(job, message["state"], message["summary"], message["error"]))
+            if not (run.work.cancelled() and self._stopping and run.record.state == "queued"):
+                await self._keep(run, self._outcome(run.work))
         finally:
+            self._jobs.pop(run.record.id)
             run.end()
+
+    async def _keep(self, run: _Run, message: Message) -> None:
+        """Keep the last message about a job; while the disk has no room for it, the job has not ended."""
+        while True:
+            try:
+                finish = partial(self._store.finish, run.record.id, message["state"])
+                run.tell(await asyncio.to_thread(finish, message["summary"], message["error"]))
+                return
+            except Problem as problem:
+                # It was removed meanwhile.
+                if problem.code == "not-found":
+                    return
+                log.error("job %s: %s", run.record.id, problem)
+                await asyncio.sleep(RETRY_SECONDS)
 
     def _outcome(self, task: asyncio.Task[Message]) -> Message:
         if task.cancelled() and self._stopping:
@@ -202,17 +215,19 @@ class Foreman:
         error = task.exception()
         if error is None:
             return task.result()
+        if isinstance(error, Problem):
+            return _failed(error)
         reference = secrets.token_hex(4)
         log.error("reference %s", reference, exc_info=error)
         sentence = f"something went wrong in the server; its log tells more under the reference {reference}"
         return _failed(Problem("internal", sentence, reference=reference))
 
-    async def _work(self, folder: Path, owner: str, begin: Callable[[], None], hear: Hear) -> Message:
+    async def _work(self, folder: Path, owner: str, begin: Callable[[], Awaitable[None]], hear: Hear) -> Message:
         """Wait for the owner's turn, give the folder to a worker, and hear it out."""
         async with self._turns.of(owner):
             process = await self._hire()
             try:
-                begin()
+                await begin()
                 async with asyncio.timeout(self.limits.job_seconds):
                     return await self._converse(process, folder, hear)
             except TimeoutError:
@@ -279,9 +294,14 @@ class _Run:
 
     Args:
         record: the job as it is.
+
+    Attributes:
+        work: ends with the last message about the job.
+        ending: ends when that is kept.
     """
 
-    task: asyncio.Task[Message]
+    work: asyncio.Task[Message]
+    ending: asyncio.Task[None]
 
     def __init__(self, record: Record) -> None:
         self.record = record

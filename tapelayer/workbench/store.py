@@ -199,19 +199,18 @@ class Store:
         return self._select("WHERE owner = ? ORDER BY number DESC", owner)
 
     def begin(self, job: str) -> Record:
-        """Say that a job runs.
+        """Say that a job runs; one that has ended meanwhile stays as it is.
 
         Raises:
             Problem: there is no such job, or the disk is full.
         """
         with self._change() as index:
-            index.execute("UPDATE jobs SET state = 'running' WHERE id = ?", (job,))
+            index.execute("UPDATE jobs SET state = 'running' WHERE id = ? AND state = 'queued'", (job,))
             return self.get(job)
 
     def advance(self, job: str, stage: str, progress: float) -> None:
-        """Say how far a running job is."""
-        with self._guard:
-            self._steps[job] = (stage, progress)
+        """Say how far a running job is, without waiting for the disk."""
+        self._steps[job] = (stage, progress)
 
     def finish(
         self, job: str, state: Ending, summary: Mapping[str, Any] | None, error: Mapping[str, Any] | None
