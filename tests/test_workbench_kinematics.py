@@ -229,7 +229,7 @@ def test_what_cannot_be_solved_is_named(changes: dict[str, Any], words: str) -> 
     assert words in problem["detail"].splitlines()[0]
 
 
-@pytest.mark.parametrize("body", [b"", b"{", b"[]", b"\xff", b'"\\ud800"', b"[" * 5000, b'{"a":' * 101])
+@pytest.mark.parametrize("body", [b"", b"{", b"[]", b"\xff", b'"\\ud800"', b"[" * 5000, b'{"a":' * 101, b'["",' * 101])
 def test_what_is_no_json_is_refused(body: bytes) -> None:
     response = CLIENT.post("/forward", content=body, headers={"Content-Type": "application/json"})
     assert (response.status_code, response.json()["code"]) == (422, "invalid-request")

@@ -21,7 +21,7 @@ from tapelayer.workbench.catalogue import machine_of
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 
 MOST_ROWS = 100_000
-MOST_NAMES = 100
+MOST_TEXTS = 100
 # Millimetres, degrees and vectors beyond it are mistakes, and their squares would be no numbers.
 GREATEST = 1e12
 
@@ -69,6 +69,7 @@ class LayPoses(_Asked):
     axes: Annotated[
         list[Literal["x_mm", "y_mm", "z_mm", "nx", "ny", "nz", "tx", "ty", "tz"]],
         Field(min_length=9, max_length=9, json_schema_extra={"uniqueItems": True}),
+        FailFast(),
         Once,
     ]
     values: Rows9
@@ -82,6 +83,7 @@ class SprayPoses(_Asked):
     axes: Annotated[
         list[Literal["x_mm", "y_mm", "z_mm", "nx", "ny", "nz"]],
         Field(min_length=6, max_length=6, json_schema_extra={"uniqueItems": True}),
+        FailFast(),
         Once,
     ]
     values: Rows6
@@ -95,6 +97,7 @@ class LayJoints(_Asked):
     axes: Annotated[
         list[Literal["x_mm", "y_mm", "z_mm", "c_deg", "a_deg"]],
         Field(min_length=5, max_length=5, json_schema_extra={"uniqueItems": True}),
+        FailFast(),
         Once,
     ]
     values: Rows5
@@ -108,6 +111,7 @@ class SprayJoints(_Asked):
     axes: Annotated[
         list[Literal["x_mm", "y_mm", "z_mm", "theta_deg", "phi_deg"]],
         Field(min_length=5, max_length=5, json_schema_extra={"uniqueItems": True}),
+        FailFast(),
         Once,
     ]
     values: Rows5
@@ -209,13 +213,13 @@ async def _asked(request: Request, models: TypeAdapter[Model]) -> Model:
     """What a request asks for.
 
     Raises:
-        Problem: it has too many names.
+        Problem: it has too many names and texts.
         RequestValidationError: it is no JSON, or not what the models describe.
     """
     body = await request.body()
-    # Each name that is too many would be a fault to be told.
-    if body.count(b":") > MOST_NAMES:
-        raise Problem("invalid-request", f"the JSON has more than {MOST_NAMES} names; send the values as rows")
+    # A reader is not interrupted, and each name that is too many would be a fault to be told.
+    if body.count(b'"') > 2 * MOST_TEXTS:
+        raise Problem("invalid-request", f"the JSON has more than {MOST_TEXTS} names and texts; send numbers as rows")
     try:
         # Beside the event loop and straight from the bytes: many thousand rows would hold up everybody else's requests.
         return await run_in_threadpool(models.validate_json, body)
