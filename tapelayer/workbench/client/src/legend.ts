@@ -54,8 +54,8 @@ export function placeOf(value: number, most: number): number {
   return 3 * Math.round(Math.min(Math.max(most > 0 ? value / most : 0, 0), 1) * (STEPS - 1));
 }
 
-/** A colour scale in words and numbers; `title` is the key of its text. */
-export function legend(colours: Ramp, most: number, title: string, note = ""): HTMLElement {
+/** A colour scale in words and numbers; `title` and `note` are keys of texts; an open scale holds for what is beyond. */
+export function legend(colours: Ramp, most: number, title: string, { note = "", open = false }): HTMLElement {
   const bar = h("canvas", { width: STEPS, height: 1, "aria-hidden": "true" });
   const context = bar.getContext("2d");
   if (context) {
@@ -66,7 +66,8 @@ export function legend(colours: Ramp, most: number, title: string, note = ""): H
     context.putImageData(image, 0, 0);
   }
   const digits = most >= 100 ? 0 : most >= 10 ? 1 : most >= 1 ? 2 : 4;
-  const ticks = [0, 0.5, 1].map((share) => h("span", {}, (share * most).toFixed(share ? digits : 0)));
+  const numbers = [0, 0.5, 1].map((share) => (share * most).toFixed(share ? digits : 0));
+  const ticks = numbers.map((number, place) => h("span", {}, open && place === 2 ? `≥ ${number}` : number));
   const children = [h("span", { t: title }), bar, h("div", { class: "ticks" }, ...ticks)];
   if (note) children.push(h("span", { class: "beyond", t: note }));
   return h("div", { class: "scene-legend", testid: "legend" }, ...children);

@@ -20,6 +20,8 @@ import { lowerBound, type Motion } from "./motion";
 import type { Table } from "./panels";
 
 const MM = 1e-3;
+// The colours end at the thickness that this share of the samples stays below: few thick places do not pale the others.
+const MOST = 0.99;
 // Samples this many times farther apart than usual have a hole or a step between them.
 const FARTHEST = 3;
 const SHADES = linear(COAT);
@@ -27,8 +29,10 @@ const SHADES = linear(COAT);
 /** The coat on the part while it grows. Metres, in the machine's axes. */
 export class Coat {
   readonly object: Mesh<BufferGeometry>;
-  /** Greatest thickness, in the table's unit. */
+  /** Thickness at which the colours end, in the table's unit. */
   readonly most: number;
+  /** Whether it is thicker somewhere. */
+  readonly thicker: boolean;
   private readonly colours: BufferAttribute;
   private shown = Number.NaN;
 
@@ -47,9 +51,9 @@ export class Coat {
     });
     this.object = new Mesh(geometry, material);
     this.object.frustumCulled = false;
-    let most = 0;
-    for (let row = 0; row < table.rows; row++) most = Math.max(most, this.at(row, table.times.length - 1));
-    this.most = most;
+    const final = Float32Array.from({ length: table.rows }, (_, row) => this.at(row, table.times.length - 1)).sort();
+    this.most = final[Math.floor(MOST * (table.rows - 1))]!;
+    this.thicker = final.at(-1)! > this.most;
   }
 
   get unit(): string {

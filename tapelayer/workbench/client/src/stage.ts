@@ -88,7 +88,8 @@ export class Stage {
   /** Colours what was made; gives the scale of the colours where they have one. */
   colour(by: Colouring): HTMLElement | null {
     if (this.coat) {
-      return legend(COAT, this.coat.most, `scene.thickness.${this.coat.unit}`);
+      const { most, thicker, unit } = this.coat;
+      return legend(COAT, most, `scene.thickness.${unit}`, { open: thicker });
     }
     if (!this.ribbons) return null;
     if (by === "course" || !this.errors) {
@@ -100,7 +101,7 @@ export class Stage {
     const greatest = errors.reduce((most, error) => (error > most ? error : most), 0);
     const most = Math.min(greatest, limit);
     this.ribbons.colourBy(this.errors.column("time_s"), errors, most, limit);
-    return legend(ERRORS, most, "scene.error", greatest <= limit ? "" : "scene.beyond");
+    return legend(ERRORS, most, "scene.error", { note: greatest <= limit ? "" : "scene.beyond" });
   }
 
   dispose(): void {
