@@ -25,7 +25,7 @@ export function stateKey({ state, error }: Job): string {
 export function createJobList(root: HTMLElement, open: (id: string) => void, removed: (id: string) => void, failed: (error: unknown) => void): JobList {
   const body = h("tbody");
   const heads = ["jobs.name", "jobs.kind", "jobs.state", "jobs.blocks", "jobs.created"].map((key) => h("th", { t: key, scope: "col" }));
-  const table = h("table", { testid: "jobs", class: "jobs" }, h("thead", {}, h("tr", {}, ...heads, h("td"))), body);
+  const table = h("table", { testid: "jobs", class: "jobs", tLabel: "tab.jobs" }, h("thead", {}, h("tr", {}, ...heads, h("td"))), body);
   const empty = h("p", { class: "about", t: "jobs.none" });
   root.append(table, empty);
   let found: Job[] = [];
