@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import json
 import os
@@ -24,6 +25,7 @@ from tapelayer.cli import main
 from tapelayer.job import Job
 from tapelayer.setup import Setup, parse_setup
 from tapelayer.workbench import api
+from tapelayer.workbench.problems import Problem
 from urdf import TAPELAYER
 
 EXAMPLES = ROOT / "examples"
@@ -434,6 +436,21 @@ def test_jobs_are_cancelled_and_removed(workbench: Workbench, folder: Path) -> N
         assert client.delete(f"/api/v1/jobs/{running}").status_code == 204
         assert_problem(client.get(f"/api/v1/jobs/{running}"), "not-found", 404)
         assert not (folder / "jobs" / running).exists()
+
+
+def test_a_file_that_goes_before_it_is_sent_is_not_found(tmp_path: Path) -> None:
+    file = tmp_path / "source"
+    file.write_bytes(b"")
+    answer = api.JobFile(file)
+    file.unlink()
+    scope = {"type": "http", "method": "GET", "headers": []}
+    with pytest.raises(Problem, match="^this job has just been removed$") as problem:
+        asyncio.run(answer(scope, unasked, unasked))
+    assert problem.value.code == "not-found"
+
+
+async def unasked(*message: object) -> Any:
+    raise AssertionError(message)
 
 
 def test_nobody_waits_for_a_verdict_that_nobody_wants(workbench: Workbench, folder: Path) -> None:

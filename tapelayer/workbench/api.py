@@ -15,6 +15,7 @@ from fastapi.responses import FileResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
+from starlette.types import Receive, Scope, Send
 
 from tapelayer.workbench.foreman import Foreman, Message
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
@@ -24,6 +25,19 @@ from tapelayer.workbench.submission import JOB_FIELDS, VERIFY_FIELDS, job_reques
 from tapelayer.workbench.uploads import Sort, receive
 
 FLOAT_BYTES = 4
+
+
+class JobFile(FileResponse):
+    """A file of a job, which may be removed between being found and being sent."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it."""
+        try:
+            await super().__call__(scope, receive, send)
+        except RuntimeError:
+            if Path(self.path).exists():
+                raise
+            raise Problem("not-found", "this job has just been removed") from None
 
 
 class Fault(BaseModel):
@@ -282,7 +296,7 @@ def program(record: Found, request: Request) -> FileResponse:
         evidence = {key: record.error[key] for key in ("failures", "failure_count") if key in record.error}
         raise Problem("program-withheld", f"verification judged the program bad: {record.error['detail']}", **evidence)
     path = _result(record, request, PROGRAM)
-    return FileResponse(path, media_type="text/plain", filename=f"{Path(record.name).stem}.nc")
+    return JobFile(path, media_type="text/plain", filename=f"{Path(record.name).stem}.nc")
 
 
 @router.get(
@@ -292,7 +306,7 @@ def program(record: Found, request: Request) -> FileResponse:
 )
 def setup(record: Found, request: Request) -> FileResponse:
     """Download the job's setup: the values that it was given, the controller among them."""
-    return FileResponse(_store(request).folder(record.id) / "setup.toml", media_type="application/toml")
+    return JobFile(_store(request).folder(record.id) / "setup.toml", media_type="application/toml")
 
 
 @router.get(
@@ -303,7 +317,7 @@ def setup(record: Found, request: Request) -> FileResponse:
 def source(record: Found, request: Request) -> FileResponse:
     """Download the course file or the STL that the job was made from."""
     path = _store(request).folder(record.id) / "source"
-    return FileResponse(path, media_type="application/octet-stream", filename=record.name)
+    return JobFile(path, media_type="application/octet-stream", filename=record.name)
 
 
 @router.get(
@@ -316,7 +330,7 @@ def part(record: Found, name: str, request: Request) -> FileResponse:
     if name not in record.request["parts"]:
         raise Problem("not-found", f"no part {name!r} came along with this job")
     path = _store(request).folder(record.id) / "parts" / name
-    return FileResponse(path, media_type="application/octet-stream")
+    return JobFile(path, media_type="application/octet-stream")
 
 
 @router.get(
@@ -330,14 +344,14 @@ def mould(record: Found, request: Request) -> FileResponse:
     if not name:
         raise Problem("not-found", "no mould came along with this job")
     path = _store(request).folder(record.id) / "mould"
-    return FileResponse(path, media_type="application/octet-stream", filename=name)
+    return JobFile(path, media_type="application/octet-stream", filename=name)
 
 
 def _add_file(address: str, file: str, media_type: str, description: str) -> None:
     """Route to a file that a job made."""
 
     def endpoint(record: Found, request: Request) -> FileResponse:
-        return FileResponse(_result(record, request, file), media_type=media_type)
+        return JobFile(_result(record, request, file), media_type=media_type)
 
     router.add_api_route(
         f"/jobs/{{id}}/{address}",
@@ -361,7 +375,7 @@ def _add_table(name: str, description: str) -> None:
             headers["X-Times"] = ",".join(f"{time:g}" for time in about["times"])
         if "unit" in about:
             headers["X-Unit"] = about["unit"]
-        return FileResponse(path, media_type="application/octet-stream", headers=headers)
+        return JobFile(path, media_type="application/octet-stream", headers=headers)
 
     router.add_api_route(
         f"/jobs/{{id}}/{name}",
