@@ -268,14 +268,13 @@ def test_a_slow_disk_holds_nobody_up(tmp_path: Path, stand_in: None) -> None:
     async def scenario(store: Store, foreman: Foreman) -> None:
         running, waiting = add(store, "hold"), add(store, "done")
         foreman.submit(running)
-        await begun(store, running)
+        worker = await begun(store, running)
         disk = asyncio.create_task(asyncio.to_thread(slow, store))
         await until(held.is_set)
         cancelling = asyncio.create_task(foreman.cancel(running.id))
         foreman.submit(waiting)
-        # Another worker is on its way to the one that waits, while nothing can be said of either.
-        await until(lambda: not foreman._spares)
-        await until(lambda: bool(foreman._spares))
+        await until(lambda: gone(worker))
+        await asyncio.sleep(0.1)
         assert not cancelling.done()
         seen.set()
         assert await disk

@@ -23,7 +23,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
-from tapelayer.workbench.problems import MEDIA_TYPE, Problem
+from tapelayer.workbench.problems import MEDIA_TYPE, Problem, internal
 
 LOG = logging.getLogger(__name__)
 
@@ -188,12 +188,11 @@ class Guard:
                 raise
             await problem_response(problem)(scope, receive, answer.send)
         except Exception:
-            reference = secrets.token_hex(4)
-            LOG.exception("reference %s: %s %r", reference, scope["method"], scope["path"])
+            mistake = internal()
+            LOG.exception("reference %s: %s %r", mistake.evidence["reference"], scope["method"], scope["path"])
             if answer.begun.is_set():
                 raise
-            detail = f"something went wrong in the server; its log has the rest under the reference {reference}"
-            await problem_response(Problem("internal", detail, reference=reference))(scope, receive, answer.send)
+            await problem_response(mistake)(scope, receive, answer.send)
 
     def _let_in(self, scope: Scope, answer: _Answer) -> None:
         """Check who asks.

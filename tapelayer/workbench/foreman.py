@@ -10,7 +10,6 @@ import asyncio
 import json
 import logging
 import os
-import secrets
 import signal
 import sys
 from asyncio.subprocess import PIPE, Process
@@ -22,7 +21,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tapelayer.workbench.problems import Problem
+from tapelayer.workbench.problems import Problem, internal
 from tapelayer.workbench.store import SERVER_STOPPED, Record, Store
 
 # The last line of a worker: {"state": "done" | "failed", "summary": {...} | None, "error": {...} | None}.
@@ -217,10 +216,9 @@ class Foreman:
             return task.result()
         if isinstance(error, Problem):
             return _failed(error)
-        reference = secrets.token_hex(4)
-        log.error("reference %s", reference, exc_info=error)
-        sentence = f"something went wrong in the server; its log tells more under the reference {reference}"
-        return _failed(Problem("internal", sentence, reference=reference))
+        problem = internal()
+        log.error("reference %s", problem.evidence["reference"], exc_info=error)
+        return _failed(problem)
 
     async def _work(self, folder: Path, owner: str, begin: Callable[[], Awaitable[None]], hear: Hear) -> Message:
         """Wait for the owner's turn, give the folder to a worker, and hear it out."""

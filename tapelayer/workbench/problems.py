@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -202,6 +203,13 @@ class Problem(Exception):
             "code": self.code,
             **self.evidence,
         }
+
+
+def internal() -> Problem:
+    """A mistake of ours; its evidence has the `reference` under which the server's log tells more."""
+    reference = secrets.token_hex(4)
+    sentence = f"something went wrong in the server; its log tells more under the reference {reference}"
+    return Problem("internal", sentence, reference=reference)
 
 
 def responses(*codes: str) -> dict[int | str, dict[str, Any]]:

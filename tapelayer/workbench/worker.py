@@ -14,7 +14,6 @@ from __future__ import annotations
 import json
 import os
 import resource
-import secrets
 import sys
 import threading
 import time
@@ -157,10 +156,9 @@ def answer(folder: Path, say: Say) -> dict[str, Any]:
         # What filled the memory is held by the frames of the error, and goes with it.
         pass
     except Exception:
-        reference = secrets.token_hex(4)
-        sys.stderr.write(f"reference {reference}, {folder.name}:\n{traceback.format_exc()}")
-        sentence = f"something went wrong in the server; its log tells more under the reference {reference}"
-        return _failed(Problem("internal", sentence, reference=reference).body(), None)
+        problem = problems.internal()
+        sys.stderr.write(f"reference {problem.evidence['reference']}, {folder.name}:\n{traceback.format_exc()}")
+        return _failed(problem.body(), None)
     _limit_memory(resource.RLIM_INFINITY)
     sentence = "the job needs more memory than the server gives to one; thin its points or triangles out, or split it"
     return _failed(Problem("out-of-memory", sentence).body(), None)
