@@ -19,7 +19,7 @@ from tapelayer.setup import Setup, parse_setup
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.workbench.problems import Problem
 from tapelayer.workbench.setups import MODELS, JobKind, text_of
-from tapelayer.workbench.uploads import Form, Sort
+from tapelayer.workbench.uploads import Form, Sort, invalid, shown
 
 JOB_FIELDS: dict[str, Sort] = {
     "file": "file",
@@ -58,7 +58,7 @@ def job_request(form: Form, folder: Path) -> dict[str, Any]:
     """
     request = _request(form, folder)
     if "mould" in form.names and request["kind"] != "lay":
-        raise _invalid("mould: a mould belongs to kind lay; leave it out")
+        raise invalid("mould: a mould belongs to kind lay; leave it out")
     return {**request, "mould": form.names.get("mould", ""), "program_name": f"{Path(request['name']).stem}.nc"}
 
 
@@ -74,7 +74,7 @@ def verify_request(form: Form, folder: Path) -> dict[str, Any]:
         SetupRefused: the setup has faults.
     """
     if "program" not in form.names:
-        raise _invalid("program: is missing; send the NC program as a file")
+        raise invalid("program: is missing; send the NC program as a file")
     force = _chosen(form, "force", ("true", "false"), "false") == "true"
     request = _request(form, folder)
     return {
@@ -89,10 +89,10 @@ def verify_request(form: Form, folder: Path) -> dict[str, Any]:
 def _request(form: Form, folder: Path) -> dict[str, Any]:
     """What both forms ask for, with the source and the setup where the worker looks for them."""
     if "file" not in form.names:
-        raise _invalid("file: is missing; send the course file or the STL as a file")
+        raise invalid("file: is missing; send the course file or the STL as a file")
     kind = cast(JobKind, _chosen(form, "kind", get_args(JobKind), ""))
     if "unit" in form.texts and kind != "spray":
-        raise _invalid("unit: a unit belongs to kind spray, course files are in mm; leave it out")
+        raise invalid("unit: a unit belongs to kind spray, course files are in mm; leave it out")
     unit = _chosen(form, "unit", get_args(Unit), "mm")
     _check_parts(form.files)
     (folder / "setup.toml").write_text(_setup(form, kind), encoding="utf-8")
@@ -129,7 +129,7 @@ def _check_name(place: str, name: str, built_in: Collection[str], parts: Collect
         allowed = ", ".join([*built_in, *sorted(parts)]) or "none"
         raise Problem(
             "name-not-allowed",
-            f"{place}: {_shown(name)} is neither built in nor a file sent along as one of parts; there are: {allowed}",
+            f"{place}: {shown(name)} is neither built in nor a file sent along as one of parts; there are: {allowed}",
         )
 
 
@@ -150,7 +150,7 @@ def _check_urdf(path: Path, name: str, parts: Mapping[str, Path]) -> None:
         if file is not None and file not in parts:
             raise Problem(
                 "name-not-allowed",
-                f"{name}: {element.tag} names {_shown(file)}, which did not come along; send it as one of parts, "
+                f"{name}: {element.tag} names {shown(file)}, which did not come along; send it as one of parts, "
                 "or take it out",
             )
 
@@ -159,15 +159,6 @@ def _chosen(form: Form, name: str, choices: Collection[str], default: str) -> st
     """A field that has few values; without a default, it must be there."""
     value = form.text(name, default)
     if value not in choices:
-        given = f"got {_shown(value)}" if name in form.texts else "it is missing"
-        raise _invalid(f"{name}: expected {' or '.join(choices)}, {given}")
+        given = f"got {shown(value)}" if name in form.texts else "it is missing"
+        raise invalid(f"{name}: expected {' or '.join(choices)}, {given}")
     return value
-
-
-def _shown(text: str) -> str:
-    """A text that anybody may have sent, as messages show it."""
-    return repr(text if len(text) <= 40 else text[:37] + "...")
-
-
-def _invalid(sentence: str) -> Problem:
-    return Problem("invalid-request", sentence)

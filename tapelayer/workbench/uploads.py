@@ -56,7 +56,7 @@ class Form:
         try:
             return self.texts[name].decode() if name in self.texts else default
         except UnicodeDecodeError:
-            raise _invalid(f"{name}: is not UTF-8; send it as UTF-8") from None
+            raise invalid(f"{name}: is not UTF-8; send it as UTF-8") from None
 
 
 async def receive(request: Request, folder: Path, fields: Mapping[str, Sort]) -> Form:
@@ -81,14 +81,14 @@ async def receive(request: Request, folder: Path, fields: Mapping[str, Sort]) ->
                 # The callbacks write to disk.
                 await run_in_threadpool(parser.write, chunk)
         except FormParserError as error:
-            raise _invalid(f"the body is no multipart form: {error}") from None
+            raise invalid(f"the body is no multipart form: {error}") from None
         except ClientDisconnect:
-            raise _invalid("the body ended before the form did") from None
+            raise invalid("the body ended before the form did") from None
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
             raise Problem("target-not-writable", f"the upload cannot be stored: {reason}") from None
         if not parts.ended:
-            raise _invalid("the body ended before the form did")
+            raise invalid("the body ended before the form did")
     return parts.form
 
 
@@ -126,7 +126,7 @@ class _Parts:
     def _begin(self) -> None:
         self._count += 1
         if self._count > MOST_PARTS:
-            raise _invalid(f"the form has more than {MOST_PARTS} parts; send fewer")
+            raise invalid(f"the form has more than {MOST_PARTS} parts; send fewer")
         self._disposition = b""
 
     def _on_header(self, data: bytes, start: int, end: int) -> None:
@@ -146,20 +146,20 @@ class _Parts:
         name = self._field = options.get(b"name", b"").decode("utf-8", "replace")
         file = options.get(b"filename")
         if name not in self._fields:
-            raise _invalid(f"the form has no field {_shown(name)}; there are {', '.join(self._fields)}")
+            raise invalid(f"the form has no field {shown(name)}; there are {', '.join(self._fields)}")
         if self._fields[name] == "files":
             if file is None:
-                raise _invalid(f"{name}: is no file; send it with a file name")
+                raise invalid(f"{name}: is no file; send it with a file name")
             self._target = self._part(file)
             return
         if name in self.form.texts or name in self.form.names:
-            raise _invalid(f"{name}: is there twice; send it once")
+            raise invalid(f"{name}: is there twice; send it once")
         if file is not None:
             self.form.names[name] = display_name(file)
         if self._fields[name] == "text":
             self.form.texts[name] = bytearray()
         elif file is None:
-            raise _invalid(f"{name}: is no file; send it with a file name")
+            raise invalid(f"{name}: is no file; send it with a file name")
         else:
             self._target = self._files.enter_context((self._folder / name).open("xb"))
 
@@ -169,13 +169,13 @@ class _Parts:
         if not PLAIN_NAME.fullmatch(name):
             raise Problem(
                 "name-not-allowed",
-                f"{self._field}: {_shown(name)} is no plain file name; use letters, digits, points, _ and -, "
+                f"{self._field}: {shown(name)} is no plain file name; use letters, digits, points, _ and -, "
                 "at most 100, the first a letter or digit",
             )
         path = self._folder / self._field / name
         # Two names that differ in case alone are one file on some disks.
         if name.lower() in map(str.lower, self.form.files):
-            raise _invalid(f"{self._field}: there are two files {name}; give each a name of its own")
+            raise invalid(f"{self._field}: there are two files {name}; give each a name of its own")
         path.parent.mkdir(exist_ok=True)
         self.form.files[name] = path
         return self._files.enter_context(path.open("xb"))
@@ -216,16 +216,15 @@ def display_name(file: bytes) -> str:
     if len(name) > LONGEST_NAME:
         raise Problem("name-not-allowed", f"a file's name has more than {LONGEST_NAME} characters; rename it")
     if any(unicodedata.category(character) in HIDDEN for character in name):
-        raise Problem(
-            "name-not-allowed", f"the file name {_shown(name)} has characters that cannot be shown; rename it"
-        )
+        raise Problem("name-not-allowed", f"the file name {shown(name)} has characters that cannot be shown; rename it")
     return name
 
 
-def _shown(text: str) -> str:
+def shown(text: str) -> str:
     """A text that anybody may have sent, as messages show it."""
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
-def _invalid(sentence: str) -> Problem:
+def invalid(sentence: str) -> Problem:
+    """What is wrong with a form."""
     return Problem("invalid-request", sentence)
