@@ -3,7 +3,7 @@ import "uplot/dist/uPlot.min.css";
 import { h } from "./elements";
 import { t } from "./i18n";
 import { lowerBound } from "./motion";
-import { fixed, plain, type Limit } from "./quantities";
+import { digitsOf, fixed, plain, type Limit } from "./quantities";
 import { thinnedRows } from "./thinning";
 
 // A limit that is this many times farther away than the curve is from zero tells nothing of the curve.
@@ -174,7 +174,7 @@ export class ChartView {
     const { curves, digits } = this.chart;
     curves.forEach(({ values }, index) => {
       const value = this.valueAt(values, time);
-      this.told[index]!.textContent = Number.isNaN(value) ? "–" : fixed(value, digits);
+      this.told[index]!.textContent = Number.isNaN(value) ? "–" : fixed(value, digitsOf(value, digits));
     });
   }
 

@@ -2,21 +2,12 @@ import "./player.css";
 import { h, translateAll } from "./elements";
 import { type Motion, motionOf } from "./motion";
 import type { Clock, CreatePlayer, Kind, Made } from "./panels";
+import { digitsOf, fixed } from "./quantities";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 50];
+const DIGITS = 3;
 // A page that was in the background goes on where it was.
 const LONGEST_FRAME_S = 1;
-
-/** A number as machine people read it: fixed digits, and no minus before zero. */
-function fixed(value: number, digits: number): string {
-  return value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1");
-}
-
-/** Digits after the point that a float32 of a program's own word still holds. */
-function digitsOf(value: number): number {
-  const size = Math.abs(value);
-  return size < 2 ** 14 ? 3 : size < 2 ** 17 ? 2 : 1;
-}
 
 function timeText(time_s: number): string {
   const minutes = Math.floor(time_s / 60);
@@ -188,7 +179,7 @@ export const createPlayer: CreatePlayer = (root, t) => {
     place.textContent = motion?.rows ? placeText(motion, row) : "";
     motion?.axes.forEach((_, axis) => {
       const value = motion.value(axis, row, done);
-      values[axis]!.textContent = Number.isNaN(value) ? "—" : fixed(value, digitsOf(value));
+      values[axis]!.textContent = Number.isNaN(value) ? "—" : fixed(value, digitsOf(value, DIGITS));
     });
     motion?.switches.forEach((name, index) => {
       lights[index]!.dataset["on"] = String(motion.isOn(name, row));

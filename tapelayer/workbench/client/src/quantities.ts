@@ -106,6 +106,12 @@ export function fixed(value: number, digits: number): string {
   return /^-0\.?0*$/.test(text) ? text.slice(1) : text;
 }
 
+/** So many digits after the point as wanted, or as few as a float32 of a program's own word still holds. */
+export function digitsOf(value: number, wanted: number): number {
+  const size = Math.abs(value);
+  return size < 2 ** 14 ? wanted : Math.min(size < 2 ** 17 ? 2 : 1, wanted);
+}
+
 /** A limit or a tick in the fewest digits. */
 export function plain(value: number): string {
   return String(Number(value.toPrecision(7)));
