@@ -55,12 +55,13 @@ export default defineConfig({
     emptyOutDir: true,
     target: "es2022",
     modulePreload: false,
+    cssCodeSplit: false,
     chunkSizeWarningLimit: 2000,
     rolldownOptions: {
       output: {
         entryFileNames: "workbench.js",
+        chunkFileNames: "[name].js",
         assetFileNames: "workbench[extname]",
-        codeSplitting: false,
       },
     },
   },

@@ -8,21 +8,17 @@ import { currentLanguage, LANGUAGES, setLanguage, t, type Language } from "./i18
 import { createImport, type Source } from "./importing";
 import { createJobList } from "./jobs";
 import { createLayout } from "./layout";
-import { createLedger } from "./ledger";
 import { createNotice } from "./notice";
 import type { Job, Kind, Made, Panel, SetupValues } from "./panels";
-import { createPlayer } from "./player";
-import { createPlots } from "./plots";
-import { createProgram } from "./program";
 import { createRunning } from "./running";
-import { createScene } from "./scene";
 import { startShortcuts } from "./shortcuts";
 import { startSession } from "./signing";
 import { createSelection } from "./state";
 import { currentTheme, setTheme, startTheme, THEMES, type Theme } from "./theme";
-import { createBadge, createVerdict } from "./verdict";
 
 const DOWNLOADS = ["report.html", "report.json", "setup"] as const;
+// The panels of results are made so long after the start at the latest.
+const LATEST_MS = 2000;
 
 // The server answers while the panels are made.
 const session = api.session();
@@ -59,6 +55,8 @@ layout.header.append(
 
 let current: string | null = null;
 let made: Made | null = null;
+let panels: Panel[] = [];
+let idle: (kind: Kind) => void = () => {};
 
 const importRoot = h("section", { class: "import" });
 const formRoot = h("div", { testid: "setup-form", class: "form" });
@@ -91,39 +89,48 @@ layout.left.append(
 document.title = t("page.title");
 
 const signedIn = startSession(session, settings);
-start().catch(notice.report);
+const started = start().catch(notice.report);
+const furnished = furnish();
 
-// A 3D view takes its time to begin with: what there is of the page is seen before, and the server is asked meanwhile.
-await new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
-const player = createPlayer(layout.player, t);
-const { clock } = player;
-const scene = createScene(layout.scene, clock, t, selection);
-const program = createProgram(layout.program, clock, t, selection);
-const panels: Panel[] = [
-  player,
-  scene,
-  program,
-  createBadge(badge, clock, t, selection),
-  createVerdict(layout.tab("verdict"), clock, t, selection),
-  createPlots(layout.tab("plots"), clock, t, selection),
-  createLedger(layout.tab("ledger"), clock, t, selection),
-];
-startShortcuts(clock, {
-  search: () => program.openSearch(),
-  generate: () => void generate(),
-  help: () => help.showModal(),
-  tab: layout.showTab,
-});
-addEventListener("hashchange", () => {
+/** Makes the panels of results: they take their time to begin with, so the page is seen and can be filled in before. */
+async function furnish(): Promise<void> {
+  await Promise.race([started, new Promise((resolve) => setTimeout(resolve, LATEST_MS))]);
+  await new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
+  const results = await import("./results");
+  const player = results.createPlayer(layout.player, t);
+  const { clock } = player;
+  const scene = results.createScene(layout.scene, clock, t, selection);
+  const program = results.createProgram(layout.program, clock, t, selection);
+  panels = [
+    player,
+    scene,
+    program,
+    results.createBadge(badge, clock, t, selection),
+    results.createVerdict(layout.tab("verdict"), clock, t, selection),
+    results.createPlots(layout.tab("plots"), clock, t, selection),
+    results.createLedger(layout.tab("ledger"), clock, t, selection),
+  ];
+  idle = (kind) => scene.idle(kind);
+  startShortcuts(clock, {
+    search: () => program.openSearch(),
+    generate: () => void generate(),
+    help: () => help.showModal(),
+    tab: layout.showTab,
+  });
+  addEventListener("hashchange", () => {
+    const id = fromAddress();
+    if (id && id !== current) void open(id);
+  });
+  try {
+    await signedIn;
+  } catch {
+    // Whoever starts the page hears why it does not start.
+    return;
+  }
+  if (!made) idle(input.kind);
   const id = fromAddress();
   if (id && id !== current) void open(id);
-});
-signedIn.then(() => {
-  scene.idle(input.kind);
-  const id = fromAddress();
-  if (id) void open(id);
-  // Whoever starts the page hears why it does not start.
-}, () => {});
+}
 
 /** Fills what can be set from the server. */
 async function start(): Promise<void> {
@@ -134,7 +141,7 @@ async function start(): Promise<void> {
 
 function changeKind(kind: Kind): void {
   form.show(kind).catch(notice.report);
-  if (!made) scene.idle(kind);
+  if (!made) idle(kind);
 }
 
 async function loadSetup(): Promise<void> {
@@ -205,7 +212,7 @@ async function ended(job: Job): Promise<void> {
 }
 
 async function show(job: Job): Promise<void> {
-  const loaded = await api.load(job);
+  const [loaded] = await Promise.all([api.load(job), furnished]);
   // Meanwhile somebody may have gone on to another job.
   if (job.id !== current) return;
   selection.select(0);
@@ -266,7 +273,7 @@ function clear(): void {
   list.current("");
   selection.select(0);
   for (const panel of panels) panel.clear();
-  scene.idle(input.kind);
+  idle(input.kind);
   drawHeader(null);
 }
 
