@@ -875,8 +875,11 @@ def test_a_hundred_thousand_blocks_stay_together(browser: Any, tmp_path: Path) -
     begin = time.perf_counter()
     with Workbench(tmp_path / "work", "--workers", 1) as workbench:
         person = Person(browser, workbench.url)
-        person.open()
+        person.page.goto(person.url)
+        api.expect(person["generate"]).to_be_visible()
         first_view = time.perf_counter() - begin
+        person.drawn()
+        machine_drawn = time.perf_counter() - begin
         person.choose_file("import-file", "waves.txt", waves(62))
         person.fill("process", tolerance_mm=0.001)
         assert person.generate() == "done"
@@ -917,7 +920,8 @@ def test_a_hundred_thousand_blocks_stay_together(browser: Any, tmp_path: Path) -
                 person.page.mouse.click(over["x"] + share * over["width"], over["y"] + over["height"] / 2)
             assert_on_the_way(person, made)
         person.leave()
-    found = {"blocks": len(made.trajectory), "first_view_s": round(first_view, 2)}
+    seconds_to = {"first_view_s": round(first_view, 2), "machine_drawn_s": round(machine_drawn, 2)}
+    found = {"blocks": len(made.trajectory)} | seconds_to
     longest = {what: longest_script_ms(trace) for what, trace in traces.items()}
     report = json.dumps(found | {"longest_script_of_a_frame_ms_by_clock_and_processor": longest})
     sys.stdout.write(f"\n{report}\n")
