@@ -1,6 +1,6 @@
 """Worker: the process of one job; it reads one order from its stdin and says on its stdout how the job goes.
 
-    in    {"folder": "/work/jobs/<id>", "memory_bytes": 8589934592}
+    in    {"folder": "WORK/jobs/<id>", "memory_bytes": 8589934592}
     out   {"ready": true}
           {"stage": "planning", "progress": 0.42}
           {"state": "done", "summary": {...}, "error": null}   or   {"state": "failed", "summary": ..., "error": {...}}
