@@ -8,11 +8,13 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any, get_args
 
 import pytest
 
 from post import controllers
+from tapelayer import quantities, spray_report
 from tapelayer.setup import Section, Setup
 from tapelayer.spray_setup import SpraySetup
 from tapelayer.workbench.catalogue import EXAMPLES
@@ -180,3 +182,15 @@ def test_built_files_are_what_the_source_builds(tmp_path: Path) -> None:
         done = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
     assert built(copy.parent / "static") == built(STATIC)
+
+
+@pytest.mark.parametrize(("kind", "room"), [("lay", quantities), ("spray", spray_report)], ids=["lay", "spray"])
+def test_the_page_counts_and_measures_what_the_report_does(kind: str, room: ModuleType) -> None:
+    """Every fact and quantity of the command line's table stands in the page's, in the same unit."""
+    source = (CLIENT / "src" / "quantities.ts").read_text(encoding="utf-8")
+    for name in ("FACTS", "QUANTITIES"):
+        listed = re.search(rf"export const {name}\b.*?\b{kind}: \[(.*?)\n  \],", source, re.DOTALL)
+        assert listed
+        page = dict(re.findall(r'quantity\("(\w+)", "([^"]*)", \d+\)', listed[1]))
+        for key, _, unit, _ in getattr(room, name):
+            assert page[key].replace("m²", "m2") == unit, key
