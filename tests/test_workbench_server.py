@@ -259,10 +259,13 @@ def test_a_signal_ends_it_with_an_event_stream_open(tmp_path: Path, number: sign
         assert served.process.stderr.read() == ""
 
 
+LIMITS = Limits()
+
+
 @asynccontextmanager
-async def running(work: Path) -> AsyncIterator[httpx.AsyncClient]:
+async def running(work: Path, limits: Limits = LIMITS) -> AsyncIterator[httpx.AsyncClient]:
     """The application without a server."""
-    app = create_app(Settings(work, Limits()))
+    app = create_app(Settings(work, limits))
     transport = httpx.ASGITransport(app)
     async with app.router.lifespan_context(app), httpx.AsyncClient(transport=transport) as client:
         client.base_url = httpx.URL("http://localhost")
@@ -290,6 +293,21 @@ def test_the_first_view_does_not_wait_for_the_library(tmp_path: Path, monkeypatc
 
     asyncio.run(told())
     assert len(asked) == 5
+
+
+def test_a_full_queue_says_when_to_come_again(tmp_path: Path) -> None:
+    async def told() -> tuple[httpx.Response, ...]:
+        async with running(tmp_path, Limits(workers=1, queue=1)) as client:
+            form = {"data": {"kind": "lay"}, "files": {"file": ("panel.txt", EXAMPLE.read_bytes())}}
+            answers = [await client.post("/api/v1/jobs", **form) for _ in range(3)]
+            return *answers, await client.get("/api/v1/jobs", headers={"X-Owner-Key": answers[0].json()["owner_key"]})
+
+    *taken, full, kept = asyncio.run(told())
+    assert [answer.status_code for answer in taken] == [202, 202]
+    assert (full.status_code, full.json()["code"]) == (429, "queue-full")
+    assert int(full.headers["Retry-After"]) > 0
+    assert len(kept.json()["jobs"]) == 1
+    assert len(list((tmp_path / "jobs").iterdir())) == 2 and not list((tmp_path / "staging").iterdir())
 
 
 def test_a_room_that_cannot_be_imported_is_told(
