@@ -30,15 +30,16 @@ import pinocchio
 from rich.console import Console
 from rich.table import Table
 
-from tapelayer import gantry
 from tapelayer.arrays import Floats
-from tapelayer.course import Course, read_courses
-from tapelayer.job import Job
-from tapelayer.laying import place
-from tapelayer.machine import Machine
-from tapelayer.setup import MM, Setup, parse_setup
-from tapelayer.trajectory import Kind, Trajectory
-from tapelayer.verification import LEAST_SAMPLES, Verified
+from tapelayer.courses.course_file import Course, read_courses
+from tapelayer.laying.inspection import LEAST_SAMPLES
+from tapelayer.laying.job import Job
+from tapelayer.laying.program import place
+from tapelayer.machines import gantry
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.trajectory import Kind, Trajectory
+from tapelayer.setups.sections import MM, Setup, parse_setup
+from tapelayer.verification.verified import Verified
 
 ROUNDS = 5
 # Seconds of a run's turn.

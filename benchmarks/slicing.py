@@ -20,9 +20,9 @@ from rich.console import Console
 from rich.table import Table
 from vtk.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
 
-from tapelayer import slicing
 from tapelayer.arrays import Floats, Ints
-from tapelayer.mesh import Mending, Mesh
+from tapelayer.geometry import slicing
+from tapelayer.geometry.mesh import Mending, Mesh
 
 PLANES = 500
 ROUNDS = 3

@@ -15,11 +15,11 @@ import yourdfpy
 from PIL import Image, ImageDraw
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
-from tapelayer import gantry
 from tapelayer.arrays import Floats, Mask
-from tapelayer.course import read_courses
-from tapelayer.machine import Machine
-from tapelayer.toolpath import Curve, Toolpath, placed
+from tapelayer.courses.course_file import read_courses
+from tapelayer.geometry.toolpath import Curve, Toolpath, placed
+from tapelayer.machines import gantry
+from tapelayer.machines.machine import Machine
 
 HERE = Path(__file__).parent
 COURSES = HERE.parent / "examples" / "cylinder_panel_15.txt"

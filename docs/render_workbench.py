@@ -20,7 +20,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from render_machine import PART_ORIGIN, slab
 
 HERE = Path(__file__).parent
-COMMAND = (sys.executable, "-c", "from tapelayer.entry import main; main()", "serve", "--port", "0", "--no-open")
+COMMAND = (sys.executable, "-c", "from tapelayer.dispatch import main; main()", "serve", "--port", "0", "--no-open")
 # The 3D view is drawn on the CPU, so that no display is needed.
 ARGUMENTS = ("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 SIZE = {"width": 1600, "height": 900}

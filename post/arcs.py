@@ -13,7 +13,7 @@ from post.controllers import Controller
 from post.words import rounded
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import NotWritable
-from tapelayer.trajectory import Kind, Trajectory
+from tapelayer.motion.trajectory import Kind, Trajectory
 
 # Indices of each plane's axes: a counterclockwise arc turns from the first to the second; the third stands still.
 PLANES = {"xy": (0, 1, 2), "zx": (2, 0, 1), "yz": (1, 2, 0)}

@@ -12,7 +12,7 @@ from post.controllers import AxisWord
 from post.words import rounded
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import NotWritable
-from tapelayer.trajectory import MOTIONS, Kind, Trajectory
+from tapelayer.motion.trajectory import MOTIONS, Kind, Trajectory
 
 # Blocks rounded at once: they stay in the cache.
 CHUNK = 1 << 14

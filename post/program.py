@@ -17,9 +17,9 @@ from post.controllers import Controller
 from post.words import Cells, join, literals, rounded, words
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import NotWritable
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.provenance import Provenance
-from tapelayer.trajectory import Event, Kind, Trajectory
-from tapelayer.verified import Verdict, Verified
+from tapelayer.verification.verified import Verdict, Verified
 
 # The joint that feeds the tape, which some controls set to zero at each course.
 TAPE = "u"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from post.controllers import AxisWord, Controller, code
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import Fault, ProgramRefused
-from tapelayer.trajectory import Event, Kind, Trajectory
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
 
 Bytes = NDArray[np.uint8]
 Eights = NDArray[np.uint64]

@@ -6,18 +6,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tapelayer.course import Course, read_courses, write_courses
+    from tapelayer.courses.course_file import Course, read_courses, write_courses
     from tapelayer.errors import TapelayerError
-    from tapelayer.gantry import inverse
-    from tapelayer.laying import plan
-    from tapelayer.machine import Machine
-    from tapelayer.setup import Setup, read_setup
-    from tapelayer.trajectory import Trajectory
-    from tapelayer.verification import verify
-    from tapelayer.verified import Verified
+    from tapelayer.laying.inspection import verify
+    from tapelayer.laying.job import Job
+    from tapelayer.laying.program import plan
+    from tapelayer.machines.gantry import inverse
+    from tapelayer.machines.machine import Machine
+    from tapelayer.motion.trajectory import Trajectory
+    from tapelayer.setups.sections import Setup, read_setup
+    from tapelayer.verification.verified import Verified
 
 __all__ = [
     "Course",
+    "Job",
     "Machine",
     "Setup",
     "TapelayerError",
@@ -32,18 +34,19 @@ __all__ = [
 ]
 
 _ROOMS = {
-    "Course": "course",
-    "Machine": "machine",
-    "Setup": "setup",
+    "Course": "courses.course_file",
+    "Job": "laying.job",
+    "Machine": "machines.machine",
+    "Setup": "setups.sections",
     "TapelayerError": "errors",
-    "Trajectory": "trajectory",
-    "Verified": "verified",
-    "inverse": "gantry",
-    "plan": "laying",
-    "read_courses": "course",
-    "read_setup": "setup",
-    "verify": "verification",
-    "write_courses": "course",
+    "Trajectory": "motion.trajectory",
+    "Verified": "verification.verified",
+    "inverse": "machines.gantry",
+    "plan": "laying.program",
+    "read_courses": "courses.course_file",
+    "read_setup": "setups.sections",
+    "verify": "laying.inspection",
+    "write_courses": "courses.course_file",
 }
 
 

@@ -17,16 +17,16 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from post import controllers
-from tapelayer import gantry
-from tapelayer.course import Course, read_courses
-from tapelayer.entry import run
+from tapelayer.atomic_files import write_files
+from tapelayer.courses.course_file import Course, read_courses
+from tapelayer.dispatch import run
 from tapelayer.errors import Fault, ProgramRefused, SetupRefused
-from tapelayer.job import Job, Made, machine_of
-from tapelayer.mesh import Unit
-from tapelayer.output import write_files
-from tapelayer.setup import DEG, MM, Setup, default_text, read_setup
-from tapelayer.spray_job import SprayJob, SprayMade
-from tapelayer.spray_setup import SpraySetup
+from tapelayer.geometry.mesh import Unit
+from tapelayer.laying.job import Job, Made, machine_of
+from tapelayer.machines import gantry
+from tapelayer.setups.sections import DEG, MM, Setup, default_text, read_setup
+from tapelayer.spraying.job import SprayJob, SprayMade
+from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench import command
 
 app = typer.Typer(

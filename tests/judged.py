@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tapelayer.evidence import CutMade, Evidence, LedgerRow, Samples, TapeLedger
-from tapelayer.findings import AxisUse
-from tapelayer.trajectory import Kind, Trajectory
+from tapelayer.laying.evidence import CutMade, Evidence, LedgerRow, Samples, TapeLedger
+from tapelayer.motion.trajectory import Kind, Trajectory
+from tapelayer.verification.failures import AxisUse
 
 SHA256 = "0123456789abcdef" * 4
 

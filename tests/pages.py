@@ -7,12 +7,12 @@ from html.parser import HTMLParser
 
 import numpy as np
 
-from tapelayer import report
 from tapelayer.arrays import Floats
-from tapelayer.evidence import Evidence
-from tapelayer.page import html
-from tapelayer.setup import Setup
-from tapelayer.trajectory import Trajectory
+from tapelayer.laying import report
+from tapelayer.laying.evidence import Evidence
+from tapelayer.laying.page import html
+from tapelayer.motion.trajectory import Trajectory
+from tapelayer.setups.sections import Setup
 from tests.judged import SHA256, trajectory
 
 VOID = {"meta", "link", "br", "hr", "img", "input"}

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tapelayer.arrays import Floats
-from tapelayer.mesh import Mesh, mended
+from tapelayer.geometry.mesh import Mesh, mended
 
 Height = Callable[[Floats, Floats], Floats]
 

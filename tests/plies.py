@@ -9,11 +9,11 @@ from typing import TypeVar
 import numpy as np
 
 from post.controllers import Controller, load
-from tapelayer.course import Course
-from tapelayer.evidence import Evidence
-from tapelayer.job import Job, machine_of
+from tapelayer.courses.course_file import Course
+from tapelayer.laying.evidence import Evidence
+from tapelayer.laying.job import Job, machine_of
 from tapelayer.provenance import Provenance
-from tapelayer.setup import DEG, MM, Setup
+from tapelayer.setups.sections import DEG, MM, Setup
 from tests.surfaces import helix, setup_of
 
 T = TypeVar("T")

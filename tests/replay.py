@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tapelayer.course import Course
-from tapelayer.laying import place
-from tapelayer.machine import Machine
-from tapelayer.setup import DEG, MM, Setup
-from tapelayer.toolpath import Curve
+from tapelayer.courses.course_file import Course
+from tapelayer.geometry.toolpath import Curve
+from tapelayer.laying.program import place
+from tapelayer.machines.machine import Machine
+from tapelayer.setups.sections import DEG, MM, Setup
 
 AXES = "XYZCAUVDQE"
 DEGREES = "CADE"

@@ -14,7 +14,7 @@ from typing import Any, Self
 import httpx
 
 ROOT = Path(__file__).parents[1]
-COMMAND = (sys.executable, "-c", "from tapelayer.entry import main; main()", "serve", "--port", "0", "--no-open")
+COMMAND = (sys.executable, "-c", "from tapelayer.dispatch import main; main()", "serve", "--port", "0", "--no-open")
 
 
 class Workbench:

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from tapelayer.arrays import Floats
-from tapelayer.course import Course
-from tapelayer.setup import Setup, parse_setup
+from tapelayer.courses.course_file import Course
+from tapelayer.setups.sections import Setup, parse_setup
 
 SQUARE = (math.pi / 2, math.pi / 2)
 

@@ -14,10 +14,10 @@ from post import arcs
 from post.controllers import load
 from post.program import write
 from post.reader import read
-from tapelayer.job import Job
+from tapelayer.laying.job import Job
+from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.provenance import Provenance
-from tapelayer.setup import Setup
-from tapelayer.trajectory import Kind, Trajectory
+from tapelayer.setups.sections import Setup
 
 PLANES = {0: ("x", "y"), 1: ("z", "x"), 2: ("y", "z")}
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from benchmarks import pipeline
-from tapelayer import gantry
-from tapelayer.course import read_courses
-from tapelayer.job import Job
-from tapelayer.laying import place
-from tapelayer.setup import MM, Setup, parse_setup
-from tapelayer.toolpath import Curve
+from tapelayer.courses.course_file import read_courses
+from tapelayer.geometry.toolpath import Curve
+from tapelayer.laying.job import Job
+from tapelayer.laying.program import place
+from tapelayer.machines import gantry
+from tapelayer.setups.sections import MM, Setup, parse_setup
 
 POINTS = 4000
 SETUP = parse_setup(pipeline.SETUP.encode(), "setup", Setup)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tapelayer.setup import Setup, default_text
+from tapelayer.setups.sections import Setup, default_text
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"

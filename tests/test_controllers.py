@@ -9,7 +9,7 @@ from pydantic import ValidationError
 import post.controllers
 from post.controllers import Arcs, AxisWord, Blocks, Codes, Controller, Feed, load, names, parse
 from tapelayer.errors import ControllerRefused
-from tapelayer.trajectory import Event
+from tapelayer.motion.trajectory import Event
 
 FOLDER = Path(post.controllers.__file__).parent
 JB3208 = (FOLDER / "jb3208.toml").read_text(encoding="utf-8")

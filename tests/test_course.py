@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tapelayer import course as module
 from tapelayer.arrays import Floats
-from tapelayer.course import Course, format_courses, parse_courses, read_courses, write_courses
+from tapelayer.courses import course_file as module
+from tapelayer.courses.course_file import Course, format_courses, parse_courses, read_courses, write_courses
 from tapelayer.errors import CourseFileRefused, TargetNotWritable
 
 HERE = Path(__file__).parent

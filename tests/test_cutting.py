@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tapelayer.cutting import Laid, judge_cuts
-from tapelayer.evidence import TapeLedger
-from tapelayer.findings import Failure
-from tapelayer.machine import Machine
-from tapelayer.setup import DEG, MM, Setup
-from tapelayer.trajectory import Event, Kind, Trajectory
+from tapelayer.laying.cut_check import Laid, judge_cuts
+from tapelayer.laying.evidence import TapeLedger
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.setups.sections import DEG, MM, Setup
+from tapelayer.verification.failures import Failure
 from tests.plies import exported, job_of
 from tests.surfaces import flat_course, helix_course, setup_of
 

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from tapelayer import drawing
 from tapelayer.arrays import Floats
+from tapelayer.reporting import drawing
 
 rows = arrays.arrays(np.float64, st.integers(1, 80), elements=st.floats(-1e3, 1e3) | st.just(np.nan) | st.just(np.inf))
 

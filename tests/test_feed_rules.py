@@ -15,12 +15,12 @@ import pytest
 from post.controllers import Controller, load, parse
 from post.program import write
 from post.reader import read
-from tapelayer.course import read_courses
-from tapelayer.laying import plan
-from tapelayer.machine import Machine
+from tapelayer.courses.course_file import read_courses
+from tapelayer.laying.program import plan
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.provenance import Provenance
-from tapelayer.setup import Setup
-from tapelayer.trajectory import Kind, Trajectory
+from tapelayer.setups.sections import Setup
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.txt"))

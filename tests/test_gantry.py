@@ -10,11 +10,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tapelayer import gantry
 from tapelayer.arrays import Floats
 from tapelayer.errors import ModelRefused
-from tapelayer.gantry import POSE, Lengths, Published, Roller
-from tapelayer.machine import CHUNK, Machine
+from tapelayer.machines import gantry
+from tapelayer.machines.gantry import POSE, Lengths, Published, Roller
+from tapelayer.machines.machine import CHUNK, Machine
 from urdf import TAPELAYER
 
 SHARED = Path(__file__).parents[2] / "shared" / "data" / "courses"

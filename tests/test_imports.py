@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 FILES = sorted(path for package in ("tapelayer", "post", "urdf") for path in (ROOT / package).rglob("*.py"))
 OURS = ("tapelayer", "post", "urdf")
 # These, and the workbench, stand on top of both packages: no other module of `tapelayer` may know `post`.
-ABOVE_POST = {"tapelayer.job", "tapelayer.cli", "tapelayer.spray_job"}
+ABOVE_POST = {"tapelayer.laying.job", "tapelayer.cli", "tapelayer.spraying.job"}
 WORKBENCH = "tapelayer.workbench."
 # Imports the web server's packages, which come with an extra, where they are asked for.
 DEFERS = ("tapelayer.workbench.command", "serve")

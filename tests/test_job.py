@@ -11,10 +11,10 @@ import pytest
 from panels import flat, sheet, write_stl
 
 from tapelayer.errors import ProgramOfOtherSetup
-from tapelayer.job import Job, Made
-from tapelayer.setup import Setup
-from tapelayer.spray_job import SprayJob, SprayMade
-from tapelayer.spray_setup import SpraySetup
+from tapelayer.laying.job import Job, Made
+from tapelayer.setups.sections import Setup
+from tapelayer.spraying.job import SprayJob, SprayMade
+from tapelayer.spraying.settings import SpraySetup
 
 COURSES = Path(__file__).parents[1] / "examples" / "cylinder_panel_15.txt"
 

@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tapelayer import gantry
-from tapelayer.course import Course, read_courses
+from tapelayer.courses.course_file import Course, read_courses
 from tapelayer.errors import AxisBeyondTravel, PartTooHigh, TapeRunsBack
-from tapelayer.laying import plan
-from tapelayer.machine import Machine
-from tapelayer.setup import DEG, MM, Setup
-from tapelayer.stroke import SAME_TIME
-from tapelayer.trajectory import Event, Kind, Trajectory
-from tapelayer.verification import Inspector
+from tapelayer.laying.inspection import Inspector
+from tapelayer.laying.program import plan
+from tapelayer.machines import gantry
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.stroke import SAME_TIME
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.setups.sections import DEG, MM, Setup
 from tests.surfaces import SQUARE, circle_course, flat_course, helix, helix_course, setup_of
 
 MACHINE = Machine.load()

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tapelayer import gantry
 from tapelayer.arrays import Floats
 from tapelayer.errors import PoseUndefined
-from tapelayer.laying import place
-from tapelayer.linearisation import CourseMotion, Poses, block_ends
-from tapelayer.machine import Machine
-from tapelayer.setup import DEG
-from tapelayer.toolpath import Toolpath
+from tapelayer.geometry.toolpath import Toolpath
+from tapelayer.laying.linearisation import CourseMotion, Poses, block_ends
+from tapelayer.laying.program import place
+from tapelayer.machines import gantry
+from tapelayer.machines.machine import Machine
+from tapelayer.setups.sections import DEG
 from tests.surfaces import circle_course, flat_course, helix, helix_course, setup_of
 
 MACHINE = Machine.load()

@@ -21,13 +21,13 @@ import pytest
 from post.controllers import load
 from post.program import write
 from post.reader import read
-from tapelayer.course import parse_courses
+from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import AxisBeyondTravel, ProgramRefused
-from tapelayer.laying import plan
-from tapelayer.machine import Machine
+from tapelayer.laying.program import plan
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.provenance import Provenance
-from tapelayer.setup import Setup
-from tapelayer.trajectory import Event, Kind, Trajectory
+from tapelayer.setups.sections import Setup
 
 PYTHON = "/usr/bin/python3"
 HERE = Path(__file__).parent

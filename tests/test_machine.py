@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tapelayer.arrays import Floats
 from tapelayer.errors import ConfigurationRefused, ModelRefused
-from tapelayer.machine import CHUNK, Axis, Machine
+from tapelayer.machines.machine import CHUNK, Axis, Machine
 from urdf import TAPELAYER
 
 ROBOTS = Path(str(distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")))

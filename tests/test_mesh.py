@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tapelayer.errors import MeshRefused
-from tapelayer.mesh import Mending, mended, neighbours, read_mesh
+from tapelayer.geometry.mesh import Mending, mended, neighbours, read_mesh
 
 GEOMETRY = Path(__file__).parents[2] / "shared" / "data" / "geometry"
 CLEAN = [

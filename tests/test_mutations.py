@@ -12,9 +12,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tapelayer.course import Course
+from tapelayer.courses.course_file import Course
 from tapelayer.errors import ProgramRefused
-from tapelayer.job import Job
+from tapelayer.laying.job import Job
 from tests.plies import cut_at, exported, job_of
 from tests.replay import WORD, faults_of_the_tape
 from tests.surfaces import flat_course, helix_course, setup_of

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tapelayer.atomic_files import write_files
 from tapelayer.errors import TargetNotWritable
-from tapelayer.output import write_files
 
 
 def names(folder: Path) -> set[str]:

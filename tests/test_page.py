@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tapelayer.evidence import Samples
-from tapelayer.findings import Failure
-from tapelayer.setup import Setup
+from tapelayer.laying.evidence import Samples
+from tapelayer.setups.sections import Setup
+from tapelayer.verification.failures import Failure
 from tests.judged import axes, evidence, ledger, samples, trajectory
 from tests.pages import Elements, figures, page
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tapelayer.evidence import Samples
+from tapelayer.laying.evidence import Samples
 from tests.judged import evidence, samples
 from tests.pages import Elements, drawn, figures, page
 

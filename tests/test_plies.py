@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from post.controllers import load
-from tapelayer.course import read_courses
+from tapelayer.courses.course_file import read_courses
 from tapelayer.errors import (
     AxisBeyondTravel,
     BladesMeet,
@@ -24,7 +24,7 @@ from tapelayer.errors import (
     TapeRunsBack,
     TapeWiderThanTravel,
 )
-from tapelayer.setup import DEG, MM
+from tapelayer.setups.sections import DEG, MM
 from tests.plies import CONTROLLER, Chance, cut_at, exported, job_of, saddle_course
 from tests.replay import faults_of_the_tape, replayed
 from tests.surfaces import flat_course, helix_course, setup_of

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tapelayer.evidence import Samples
-from tapelayer.setup import Setup
+from tapelayer.laying.evidence import Samples
+from tapelayer.setups.sections import Setup
 from tests.judged import evidence, ledger, trajectory
 from tests.pages import Elements, figures, page, pixels
 

@@ -15,8 +15,8 @@ from post.controllers import Controller, load, parse
 from post.program import write
 from post.reader import Comment, Program, read
 from tapelayer.errors import ControllerRefused, ProgramRefused
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.provenance import Provenance
-from tapelayer.trajectory import Event, Kind, Trajectory
 
 GOLDEN = Path(__file__).parent / "data" / "nc"
 TEN_AXES = ("x", "y", "z", "c", "a", "u", "v", "d", "q", "e")

@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from tapelayer import report
-from tapelayer.evidence import Samples, TapeLedger
-from tapelayer.findings import Failure
-from tapelayer.gantry import lengths
-from tapelayer.job import Job
-from tapelayer.laying import plan
-from tapelayer.machine import Machine
-from tapelayer.setup import MM
-from tapelayer.verification import verify
+from tapelayer.laying import report
+from tapelayer.laying.evidence import Samples, TapeLedger
+from tapelayer.laying.inspection import verify
+from tapelayer.laying.job import Job
+from tapelayer.laying.program import plan
+from tapelayer.machines.gantry import lengths
+from tapelayer.machines.machine import Machine
+from tapelayer.setups.sections import MM
+from tapelayer.verification.failures import Failure
 from tests.judged import SHA256, axes, evidence, ledger, samples, worn
 from tests.pages import page
 from tests.surfaces import helix_course, setup_of

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tapelayer.errors import SetupRefused
-from tapelayer.setup import DEG, MM, Setup, default_text, parse_setup, read_setup
+from tapelayer.setups.sections import DEG, MM, Setup, default_text, parse_setup, read_setup
 
 TITLE = "Setup of a tape-laying job"
 

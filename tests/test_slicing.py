@@ -9,8 +9,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tapelayer import slicing
-from tapelayer.mesh import Mending, Mesh, mended, read_mesh
+from tapelayer.geometry import slicing
+from tapelayer.geometry.mesh import Mending, Mesh, mended, read_mesh
 
 GEOMETRY = Path(__file__).parents[2] / "shared" / "data" / "geometry"
 PARTS = [

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tapelayer.arrays import Floats
-from tapelayer.smoothing import brought_near, creases, enclosing, kept, smooth
-from tapelayer.wrist import angles_between
+from tapelayer.machines.wrist import angles_between
+from tapelayer.spraying.smoothing import brought_near, creases, enclosing, kept, smooth
 
 LIMIT = math.radians(15)
 CHANCE = np.random.default_rng(11)

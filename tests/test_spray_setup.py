@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tapelayer.errors import SetupRefused
-from tapelayer.setup import DEG, MM, default_text, parse_setup
-from tapelayer.spray_setup import SpraySetup
+from tapelayer.setups.sections import DEG, MM, default_text, parse_setup
+from tapelayer.spraying.settings import SpraySetup
 
 TITLE = "Setup of a spraying job"
 

@@ -14,17 +14,17 @@ from panels import flat, mesh_of, sheet
 
 from tapelayer.arrays import Floats
 from tapelayer.errors import VerificationFailed
-from tapelayer.machine import Machine
-from tapelayer.mesh import Mesh
-from tapelayer.passes import Plan, plan_passes
-from tapelayer.reach import placed, placement
-from tapelayer.setup import DEG, MM, parse_setup
-from tapelayer.spray_evidence import SprayEvidence, SprayFailure
-from tapelayer.spray_setup import SpraySetup
-from tapelayer.spray_verification import SprayInspector
-from tapelayer.spraying import Spraying, spray
-from tapelayer.stretches import distances_to
-from tapelayer.trajectory import Event, Kind, Trajectory
+from tapelayer.geometry.mesh import Mesh
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.setups.sections import DEG, MM, parse_setup
+from tapelayer.spraying.arc_runs import distances_to
+from tapelayer.spraying.evidence import SprayEvidence, SprayFailure
+from tapelayer.spraying.inspection import SprayInspector
+from tapelayer.spraying.passes import Plan, plan_passes
+from tapelayer.spraying.program import Spraying, spray
+from tapelayer.spraying.reach import placed, placement
+from tapelayer.spraying.settings import SpraySetup
 from urdf import SPRAYER
 
 MACHINE = Machine.load(SPRAYER)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tapelayer.arrays import Floats
-from tapelayer.machine import Machine
+from tapelayer.machines.machine import Machine
 from urdf import SPRAYER, TAPELAYER
 
 AXES = ("x", "y", "z", "theta", "phi", "standoff")

@@ -12,17 +12,17 @@ from panels import flat, mesh_of, sheet
 
 from tapelayer.arrays import Floats
 from tapelayer.errors import NothingToSpray
-from tapelayer.flanks import flank_heights, on_flanks
-from tapelayer.machine import Machine
-from tapelayer.mesh import Mesh, read_mesh
-from tapelayer.outline import Outline
-from tapelayer.passes import NO_FACET, Pass, Plan, plan_passes
-from tapelayer.reach import Segments, placed, placement
-from tapelayer.setup import DEG, MM, parse_setup
-from tapelayer.spray_setup import SpraySetup
-from tapelayer.spraying import AXES, Spraying, spray
-from tapelayer.trajectory import Event, Kind
-from tapelayer.wrist import Reason, angles_between, gun_axes
+from tapelayer.geometry.mesh import Mesh, read_mesh
+from tapelayer.geometry.plan_coverage import Outline
+from tapelayer.machines.machine import Machine
+from tapelayer.machines.wrist import Reason, angles_between, gun_axes
+from tapelayer.motion.trajectory import Event, Kind
+from tapelayer.setups.sections import DEG, MM, parse_setup
+from tapelayer.spraying.passes import NO_FACET, Pass, Plan, plan_passes
+from tapelayer.spraying.program import AXES, Spraying, spray
+from tapelayer.spraying.reach import Segments, placed, placement
+from tapelayer.spraying.settings import SpraySetup
+from tapelayer.spraying.steep_sides import flank_heights, on_flanks
 from urdf import SPRAYER
 
 MACHINE = Machine.load(SPRAYER)

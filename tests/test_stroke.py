@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tapelayer.stroke import SAME_TIME, Rows, Stroke
-from tapelayer.trajectory import Event, Kind
+from tapelayer.motion.stroke import SAME_TIME, Rows, Stroke
+from tapelayer.motion.trajectory import Event, Kind
 
 SPEEDS = np.array([0.5, 2.0])
 EVENTS = st.sampled_from([event for event in Event if event != Event.NONE])

@@ -22,8 +22,8 @@ from tapelayer.errors import (
     CutsCross,
     TapeWiderThanTravel,
 )
-from tapelayer.stations import Head
-from tapelayer.tape import Step, Steps, TapePlan, plan_tape
+from tapelayer.laying.cut_assignment import Head
+from tapelayer.laying.tape_plan import Step, Steps, TapePlan, plan_tape
 
 HEAD = Head(
     tape_width=0.3,

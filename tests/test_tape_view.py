@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tapelayer import report
 from tapelayer.arrays import Floats
-from tapelayer.evidence import LedgerRow, Samples, TapeLedger
-from tapelayer.setup import Setup
-from tapelayer.tape_view import tape_view
+from tapelayer.laying import report
+from tapelayer.laying.evidence import LedgerRow, Samples, TapeLedger
+from tapelayer.laying.tape_view import tape_view
+from tapelayer.setups.sections import Setup
 from tests.judged import SHA256, cut, evidence, ledger, worn
 from tests.pages import Elements, page
 

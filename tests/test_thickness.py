@@ -16,9 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from tapelayer.arrays import Floats, Ints
 from tapelayer.errors import FootprintRefused, PitchNotFound
-from tapelayer.mesh import Mending, Mesh, read_mesh
-from tapelayer.spray_setup import SpraySetup
-from tapelayer.thickness import (
+from tapelayer.geometry.mesh import Mending, Mesh, read_mesh
+from tapelayer.spraying.deposition import (
     Evenness,
     Footprint,
     Gaussian,
@@ -37,6 +36,7 @@ from tapelayer.thickness import (
     surface_from_above,
     widest_pitch,
 )
+from tapelayer.spraying.settings import SpraySetup
 
 GEOMETRY = Path(__file__).parents[2] / "shared" / "data" / "geometry"
 H = 0.15

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tapelayer.errors import SetupRefused
-from tapelayer.toml import read_toml, toml_text
+from tapelayer.toml_files import read_toml, toml_text
 
 TEXTS = st.text(st.characters(codec="utf-8"), max_size=20)
 NUMBERS = st.booleans() | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tapelayer.toolpath import Curve, Toolpath, placed
+from tapelayer.geometry.toolpath import Curve, Toolpath, placed
 
 RADIUS = 1.5
 UP = np.array([0.0, 0.0, 1.0])

@@ -8,16 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tapelayer import gantry, verification
-from tapelayer.course import Course, read_courses
+from tapelayer.courses.course_file import Course, read_courses
 from tapelayer.errors import VerificationFailed
-from tapelayer.evidence import Evidence
-from tapelayer.findings import Failure
-from tapelayer.laying import plan
-from tapelayer.machine import Machine
-from tapelayer.setup import DEG, MM
-from tapelayer.trajectory import Event, Kind, Trajectory
-from tapelayer.verification import Inspector, verify
+from tapelayer.laying import inspection
+from tapelayer.laying.evidence import Evidence
+from tapelayer.laying.inspection import Inspector, verify
+from tapelayer.laying.program import plan
+from tapelayer.machines import gantry
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.setups.sections import DEG, MM
+from tapelayer.verification.failures import Failure
 from tests.surfaces import flat_course, helix_course, setup_of
 
 MACHINE = Machine.load()
@@ -148,8 +149,8 @@ def test_a_sentence_names_its_place() -> None:
 
 def test_halving_the_sample_step_changes_nothing_visible(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = INSPECTOR.examine(GOOD).samples
-    monkeypatch.setattr(verification, "LEAST_SAMPLES", 8)
-    monkeypatch.setattr(verification, "SAMPLE_STEP", 2.5e-3)
+    monkeypatch.setattr(inspection, "LEAST_SAMPLES", 8)
+    monkeypatch.setattr(inspection, "SAMPLE_STEP", 2.5e-3)
     fine = INSPECTOR.examine(GOOD).samples
     assert len(fine.tilts) > 1.9 * len(coarse.tilts)
     for name in ("position_errors", "tilts", "heading_errors", "tape_errors"):

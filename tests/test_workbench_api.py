@@ -22,8 +22,8 @@ from panels import sheet, write_stl
 from served import ROOT, Client, Workbench
 
 from tapelayer.cli import main
-from tapelayer.job import Job
-from tapelayer.setup import Setup, parse_setup
+from tapelayer.laying.job import Job
+from tapelayer.setups.sections import Setup, parse_setup
 from tapelayer.workbench import api
 from tapelayer.workbench.problems import Problem
 from urdf import TAPELAYER

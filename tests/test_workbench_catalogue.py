@@ -14,15 +14,15 @@ from panels import mesh_of, sheet
 from routes import Asking
 
 from post import controllers
-from tapelayer.course import parse_courses
+from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import SetupRefused
-from tapelayer.machine import Machine
-from tapelayer.mesh import parse_mesh
-from tapelayer.setup import Setup, parse_setup
-from tapelayer.spray_job import SprayJob
-from tapelayer.spray_setup import SpraySetup
+from tapelayer.geometry.mesh import parse_mesh
+from tapelayer.machines.machine import Machine
+from tapelayer.setups.forms import MODELS, JobKind, text_of, text_of_values, values_of
+from tapelayer.setups.sections import Setup, parse_setup
+from tapelayer.spraying.job import SprayJob
+from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench import catalogue
-from tapelayer.workbench.setups import MODELS, JobKind, text_of, text_of_values, values_of
 from urdf import SPRAYER, TAPELAYER
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -14,9 +14,10 @@ from typing import Any, get_args
 import pytest
 
 from post import controllers
-from tapelayer import quantities, spray_report
-from tapelayer.setup import Section, Setup
-from tapelayer.spray_setup import SpraySetup
+from tapelayer.reporting import quantity
+from tapelayer.setups.sections import Section, Setup
+from tapelayer.spraying import report
+from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench.catalogue import EXAMPLES
 from tapelayer.workbench.problems import CODES
 from tapelayer.workbench.store import State
@@ -184,7 +185,7 @@ def test_built_files_are_what_the_source_builds(tmp_path: Path) -> None:
     assert built(copy.parent / "static") == built(STATIC)
 
 
-@pytest.mark.parametrize(("kind", "room"), [("lay", quantities), ("spray", spray_report)], ids=["lay", "spray"])
+@pytest.mark.parametrize(("kind", "room"), [("lay", quantity), ("spray", report)], ids=["lay", "spray"])
 def test_the_page_counts_and_measures_what_the_report_does(kind: str, room: ModuleType) -> None:
     """Every fact and quantity of the command line's table stands in the page's, in the same unit."""
     source = (CLIENT / "src" / "quantities.ts").read_text(encoding="utf-8")

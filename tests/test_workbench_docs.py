@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from served import ROOT, Workbench
 
-from tapelayer.job import Job
-from tapelayer.setup import Setup, parse_setup
+from tapelayer.laying.job import Job
+from tapelayer.setups.sections import Setup, parse_setup
 from tapelayer.workbench.problems import CODES
 
 DOCUMENT = (ROOT / "docs" / "api.md").read_text()

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from panels import flat, sheet, write_stl
 
-from tapelayer.job import Job
-from tapelayer.setup import Setup
+from tapelayer.laying.job import Job
+from tapelayer.setups.sections import Setup
 from tapelayer.workbench import foreman as foreman_module
 from tapelayer.workbench.foreman import Foreman, Limits
 from tapelayer.workbench.problems import Problem

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from routes import Asking
 
-from tapelayer import gantry
 from tapelayer.arrays import Floats
-from tapelayer.machine import Machine
+from tapelayer.machines import gantry
+from tapelayer.machines.machine import Machine
 from tapelayer.workbench import kinematics
 from urdf import SPRAYER, TAPELAYER
 

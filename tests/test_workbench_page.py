@@ -26,11 +26,11 @@ from served import ROOT, Workbench
 from post import reader
 from post.controllers import load
 from tapelayer.arrays import Floats
-from tapelayer.course import Course, format_courses, parse_courses
+from tapelayer.courses.course_file import Course, format_courses, parse_courses
 from tapelayer.errors import CourseFileRefused
-from tapelayer.job import machine_of
-from tapelayer.setup import Setup, parse_setup
-from tapelayer.trajectory import Event, Kind, Trajectory
+from tapelayer.laying.job import machine_of
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.setups.sections import Setup, parse_setup
 
 pytestmark = pytest.mark.browser
 
@@ -229,7 +229,7 @@ def test_downloads_are_the_command_line_s(laid: Person, made: Made, tmp_path: Pa
     (tmp_path / EXAMPLE).write_bytes(COURSES)
     (tmp_path / "setup.toml").write_bytes(setup)
     options = ["--setup", "setup.toml", "-o", name, "--report", "a.json", "--html", "a.html"]
-    run = [sys.executable, "-c", "from tapelayer.entry import main; main()", "export", EXAMPLE, *options]
+    run = [sys.executable, "-c", "from tapelayer.dispatch import main; main()", "export", EXAMPLE, *options]
     subprocess.run(run, cwd=tmp_path, check=True, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True)
     assert program == (tmp_path / name).read_bytes() == made.text
     assert json.loads(report) == json.loads((tmp_path / "a.json").read_bytes())

@@ -11,9 +11,9 @@ import pytest
 
 from tapelayer import errors
 from tapelayer.errors import CourseFileRefused, Fault, TapelayerError, VerificationFailed
-from tapelayer.evidence import Evidence, Samples, TapeLedger
-from tapelayer.findings import Failure
-from tapelayer.spray_evidence import SprayEvidence, SprayFailure, SpraySamples
+from tapelayer.laying.evidence import Evidence, Samples, TapeLedger
+from tapelayer.spraying.evidence import SprayEvidence, SprayFailure, SpraySamples
+from tapelayer.verification.failures import Failure
 from tapelayer.workbench.problems import CODES, SHOWN_PLACES, Problem, code_of, of_error, problem_of, responses
 
 # Clients translate and branch by these: a code may be added here, never changed.

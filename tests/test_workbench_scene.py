@@ -14,16 +14,16 @@ from panels import mesh_of, sheet, write_stl
 from surfaces import flat_course, helix_course, setup_of
 
 from tapelayer.arrays import Floats
-from tapelayer.coat import coat_of
-from tapelayer.course import Course, format_courses
-from tapelayer.job import Job, Made
-from tapelayer.mesh import Mesh
-from tapelayer.reach import Reach
-from tapelayer.setup import DEG, MM, Setup
-from tapelayer.spray_evidence import SpraySamples
-from tapelayer.spray_job import SprayJob, SprayMade
-from tapelayer.spray_setup import SpraySetup
-from tapelayer.trajectory import Event, Kind, Trajectory
+from tapelayer.courses.course_file import Course, format_courses
+from tapelayer.geometry.mesh import Mesh
+from tapelayer.laying.job import Job, Made
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.setups.sections import DEG, MM, Setup
+from tapelayer.spraying.coat import coat_of
+from tapelayer.spraying.evidence import SpraySamples
+from tapelayer.spraying.job import SprayJob, SprayMade
+from tapelayer.spraying.reach import Reach
+from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench import scene
 
 # Part origin of the default setup, metres.

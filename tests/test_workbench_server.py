@@ -42,7 +42,7 @@ class Serving:
 
 
 def spawned(*arguments: object) -> subprocess.Popen[str]:
-    code = "import sys; from tapelayer.entry import main; sys.argv[0] = 'tapelayer'; main()"
+    code = "import sys; from tapelayer.dispatch import main; sys.argv[0] = 'tapelayer'; main()"
     line = [sys.executable, "-c", code, "serve", *map(str, arguments)]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "NO_COLOR": "1"}
     return subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)

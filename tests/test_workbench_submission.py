@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from tapelayer.errors import SetupRefused
-from tapelayer.setup import Setup, parse_setup
-from tapelayer.spray_setup import SpraySetup
+from tapelayer.setups.sections import Setup, parse_setup
+from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench.problems import Problem
 from tapelayer.workbench.submission import LARGEST_URDF, job_request, verify_request
 from tapelayer.workbench.uploads import Form

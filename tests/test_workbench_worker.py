@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from panels import flat, sheet, write_stl
 
-from tapelayer.job import Job
-from tapelayer.setup import Setup, parse_setup
-from tapelayer.spray_job import SprayJob
-from tapelayer.spray_setup import SpraySetup
+from tapelayer.laying.job import Job
+from tapelayer.setups.sections import Setup, parse_setup
+from tapelayer.spraying.job import SprayJob
+from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench.worker import WEIGHTS, Stages
 
 COURSES = Path(__file__).parents[1] / "examples" / "flat_panel_00.txt"

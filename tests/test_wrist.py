@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from tapelayer.arrays import Floats, Mask
 from tapelayer.errors import ModelRefused
-from tapelayer.machine import Machine
-from tapelayer.wrist import Followed, Reason, Wrist, angles_between, follow, gun_axes, inverse, reachable
+from tapelayer.machines.machine import Machine
+from tapelayer.machines.wrist import Followed, Reason, Wrist, angles_between, follow, gun_axes, inverse, reachable
 from urdf import SPRAYER
 
 MACHINE = Machine.load(SPRAYER)

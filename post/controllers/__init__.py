@@ -15,8 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pydantic_core import ErrorDetails
 
 from tapelayer.errors import ControllerRefused, Fault
-from tapelayer.toml import read_toml
-from tapelayer.trajectory import Event
+from tapelayer.motion.trajectory import Event
+from tapelayer.toml_files import read_toml
 
 Joint = Annotated[str, Field(min_length=1)]
 Address = Annotated[str, Field(pattern=r"^[A-Z](\d*=)?$")]

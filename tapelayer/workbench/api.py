@@ -17,9 +17,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.types import Receive, Scope, Send
 
+from tapelayer.setups.forms import JobKind
 from tapelayer.workbench.foreman import Foreman, Message
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
-from tapelayer.workbench.setups import JobKind
 from tapelayer.workbench.store import Record, State, Store, write_request
 from tapelayer.workbench.submission import JOB_FIELDS, VERIFY_FIELDS, job_request, verify_request
 from tapelayer.workbench.uploads import Sort, receive

@@ -12,11 +12,11 @@ from fastapi.responses import FileResponse, PlainTextResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from post import controllers
-from tapelayer.machine import Axis, Machine
-from tapelayer.setup import DEG, MM
+from tapelayer.machines.machine import Axis, Machine
+from tapelayer.setups.forms import MODELS, JobKind, Values, text_of_values, values_of
+from tapelayer.setups.sections import DEG, MM
 from tapelayer.workbench.api import content
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
-from tapelayer.workbench.setups import MODELS, JobKind, Values, text_of_values, values_of
 from urdf import SPRAYER, TAPELAYER
 
 EXAMPLES = {

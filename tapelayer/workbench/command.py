@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from tapelayer.entry import run
+from tapelayer.dispatch import run
 from tapelayer.errors import ServeRefused
 
 EPILOG = (

@@ -12,11 +12,11 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, FailFast, Field, Typ
 from pydantic_core import PydanticCustomError, to_json
 from starlette.concurrency import run_in_threadpool
 
-from tapelayer import gantry, wrist
 from tapelayer.arrays import Floats, Mask
-from tapelayer.machine import Machine
-from tapelayer.setup import DEG, MM
-from tapelayer.spraying import AXES
+from tapelayer.machines import gantry, wrist
+from tapelayer.machines.machine import Machine
+from tapelayer.setups.sections import DEG, MM
+from tapelayer.spraying.program import AXES
 from tapelayer.workbench.catalogue import machine_of
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tapelayer.errors import Fault, InputRefused, TapelayerError, VerificationFailed
-from tapelayer.findings import Findings
+from tapelayer.verification.failures import Findings
 
 MEDIA_TYPE = "application/problem+json"
 # A job's state is sent and stored often: a problem shows the first places, the report has them all.

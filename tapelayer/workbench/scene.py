@@ -13,20 +13,20 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tapelayer.arrays import Floats, Ints, Mask
-from tapelayer.coat import Coat, growth
-from tapelayer.course import Course
-from tapelayer.evidence import Samples
-from tapelayer.job import Job, Made
-from tapelayer.laying import place
-from tapelayer.machine import Machine
-from tapelayer.mesh import Mesh
-from tapelayer.reach import placed
-from tapelayer.setup import DEG, MM, Setup
-from tapelayer.spray_evidence import SpraySamples
-from tapelayer.spray_job import SprayJob, SprayMade
-from tapelayer.spray_setup import SpraySetup
-from tapelayer.toolpath import Curve
-from tapelayer.trajectory import Event, Kind, Trajectory
+from tapelayer.courses.course_file import Course
+from tapelayer.geometry.mesh import Mesh
+from tapelayer.geometry.toolpath import Curve
+from tapelayer.laying.evidence import Samples
+from tapelayer.laying.job import Job, Made
+from tapelayer.laying.program import place
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.setups.sections import DEG, MM, Setup
+from tapelayer.spraying.coat import Coat, growth
+from tapelayer.spraying.evidence import SpraySamples
+from tapelayer.spraying.job import SprayJob, SprayMade
+from tapelayer.spraying.reach import placed
+from tapelayer.spraying.settings import SpraySetup
 
 # Circular blocks are divided until a straight line is as near to them, metres.
 ARC_TOLERANCE = 0.05e-3

@@ -26,8 +26,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Literal
 
+from tapelayer.atomic_files import write_files
 from tapelayer.errors import WorkDirectoryRefused
-from tapelayer.output import write_files
 from tapelayer.workbench.problems import Problem
 
 State = Literal["queued", "running", "done", "failed", "cancelled"]

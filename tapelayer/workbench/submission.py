@@ -14,11 +14,11 @@ import defusedxml.ElementTree
 from defusedxml import DefusedXmlException
 
 from post import controllers
-from tapelayer.mesh import Unit
-from tapelayer.setup import Setup, parse_setup
-from tapelayer.spray_setup import SpraySetup
+from tapelayer.geometry.mesh import Unit
+from tapelayer.setups.forms import MODELS, JobKind, text_of
+from tapelayer.setups.sections import Setup, parse_setup
+from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench.problems import Problem
-from tapelayer.workbench.setups import MODELS, JobKind, text_of
 from tapelayer.workbench.uploads import Form, Sort, invalid, shown
 
 JOB_FIELDS: dict[str, Sort] = {

@@ -23,13 +23,13 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
+from tapelayer.atomic_files import write_files
 from tapelayer.errors import TapelayerError
-from tapelayer.job import Job, Made
-from tapelayer.mesh import parse_mesh
-from tapelayer.output import write_files
-from tapelayer.setup import Setup, parse_setup
-from tapelayer.spray_job import SprayJob, SprayMade
-from tapelayer.spray_setup import SpraySetup
+from tapelayer.geometry.mesh import parse_mesh
+from tapelayer.laying.job import Job, Made
+from tapelayer.setups.sections import Setup, parse_setup
+from tapelayer.spraying.job import SprayJob, SprayMade
+from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench import problems, scene
 from tapelayer.workbench.problems import Problem
 

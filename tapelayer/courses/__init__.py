@@ -1,0 +1,1 @@
+"""Tape courses and the files that hold them."""

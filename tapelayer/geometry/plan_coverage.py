@@ -1,0 +1,68 @@
+"""Outline: how far points are from a part, seen from above."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Mask
+from tapelayer.geometry.mesh import Mesh
+
+# Pairs of points and edges looked at at a time.
+_PAIRS = 1 << 21
+
+
+class Outline:
+    """A part from above: the edges that can bound what it covers, and its facets.
+
+    Args:
+        mesh: the part.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        upwards = np.sign(mesh.normals[:, 2])
+        across = mesh.neighbours
+        # An edge between two facets that face alike has the part on both sides.
+        folded = (across < 0) | (upwards[:, None] * upwards[across] <= 0.0)
+        facets, corners = np.nonzero(folded)
+        plan = mesh.vertices[:, :2]
+        self._begins = plan[mesh.facets[facets, corners]]
+        self._ways = plan[mesh.facets[facets, (corners + 1) % 3]] - self._begins
+        self._triangles = plan[mesh.facets]
+
+    def distances(self, points: Floats, limit: float) -> Floats:
+        """Distance (n,) in metres of points (n, 2) from what the part covers; 0 over it, exact where above the limit.
+
+        Args:
+            points: metres, in the mesh's frame.
+            limit: metres up to which a point is as good as over the part: its distance is that to the nearest edge.
+        """
+        distances = np.concatenate([self._to_edges(part) for part in _parts(points, len(self._begins))])
+        far = np.flatnonzero(distances > limit)
+        if len(far):
+            covered = np.concatenate([self._covered(part) for part in _parts(points[far], len(self._triangles))])
+            distances[far[covered]] = 0.0
+        return distances
+
+    def _to_edges(self, points: Floats) -> Floats:
+        away = points[:, None] - self._begins
+        squares = np.einsum("ij,ij->i", self._ways, self._ways)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.nan_to_num(np.einsum("nij,ij->ni", away, self._ways) / squares)
+        off = away - np.clip(share, 0.0, 1.0)[..., None] * self._ways
+        distances: Floats = np.sqrt(np.min(np.einsum("nij,nij->ni", off, off), axis=1, initial=np.inf))
+        return distances
+
+    def _covered(self, points: Floats) -> Mask:
+        sides = []
+        for corner in range(3):
+            begin, end = self._triangles[:, corner], self._triangles[:, (corner + 1) % 3]
+            way, away = end - begin, points[:, None] - begin
+            sides.append(way[:, 0] * away[..., 1] - way[:, 1] * away[..., 0])
+        covered: Mask = np.any((np.min(sides, axis=0) >= 0.0) | (np.max(sides, axis=0) <= 0.0), axis=1)
+        return covered
+
+
+def _parts(points: Floats, others: int) -> list[Floats]:
+    """The points in parts, none with more pairs than fit."""
+    count = max(len(points) * others // _PAIRS + 1, 1)
+    return np.array_split(points, min(count, max(len(points), 1)))

@@ -1,0 +1,490 @@
+"""Slicing: planes cut a mesh into curves that know the facets they run on; what of them is seen from above.
+
+A vertex on a plane counts as above it. So a facet and a plane give one segment or none, every segment enters through
+one edge and leaves through another, and the next segment is the neighbour's: no tolerance, and a closed mesh gives
+closed curves.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import cosdg, sindg
+
+from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.geometry.mesh import Mesh, blocks
+
+# Corners of a facet at the edges through which its segment enters (down) and leaves (up), by the corners that are above
+# the plane: bit c of the index is corner c. So a segment runs along direction x normal.
+_ENTRY_ABOVE = np.array([0, 0, 1, 1, 2, 0, 2, 0])
+_ENTRY_BELOW = np.array([0, 1, 2, 2, 0, 1, 0, 0])
+_EXIT_ABOVE = np.array([0, 0, 1, 0, 2, 2, 1, 0])
+_EXIT_BELOW = np.array([0, 2, 0, 2, 1, 1, 0, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """Curves in which parallel planes cut a surface, plane by plane.
+
+    Curve c has the rows offsets[c] to offsets[c + 1]; each row but the curve's last begins a segment. A closed curve
+    ends on its first point.
+
+    Attributes:
+        direction: (3,) unit normal of the planes.
+        heights: (p,) distance of each plane from the origin along `direction`, in metres, not decreasing.
+        points: (n, 3) metres, in the frame of the mesh.
+        facets: (n,) facet on which the segment from each point to the next runs; at a curve's end, the one before. It
+            brings the normal: `mesh.normals`, or `mesh.upward_normals` for a gun from above.
+        offsets: (c + 1,) first row of each curve, and n.
+        planes: (c,) index of the plane of each curve, not decreasing.
+        closed: (c,) whether the curve is closed.
+    """
+
+    direction: Floats
+    heights: Floats
+    points: Floats
+    facets: Ints
+    offsets: Ints
+    planes: Ints
+    closed: Mask
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        for name in ("direction", "heights", "points", "facets", "offsets", "planes", "closed"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def segments(self) -> Ints:
+        """Rows (s,) that begin a segment: all but the last of each curve."""
+        begins = np.ones(len(self.points), dtype=np.bool_)
+        begins[self.offsets[1:] - 1] = False
+        return np.flatnonzero(begins)
+
+    @property
+    def lengths(self) -> Floats:
+        """Length (s,) of each of `segments` in metres."""
+        rows = self.segments
+        lengths: Floats = np.linalg.norm(self.points[rows + 1] - self.points[rows], axis=1)
+        return lengths
+
+
+@dataclass(frozen=True)
+class Areas:
+    """The surface of a mesh by what a gun above it can do; the three add up to the whole, in square metres.
+
+    Attributes:
+        seen: what a vertical ray from above meets first.
+        facing: too steep for a gun from above.
+        hidden: below another part of the surface.
+    """
+
+    seen: float
+    facing: float
+    hidden: float
+
+
+def plane_direction(travel: float) -> Floats:
+    """Unit normal (3,) of the vertical planes that contain a travel direction; exact at quarter turns.
+
+    Args:
+        travel: radians from +x towards +y, seen from above.
+    """
+    degrees = math.degrees(travel)
+    return np.array([-sindg(degrees), cosdg(degrees), 0.0]) + 0.0
+
+
+def plane_heights(mesh: Mesh, direction: Floats, pitch: float) -> Floats:
+    """Heights (p,) along a direction of the fewest planes a pitch apart that leave no more than half a pitch outside.
+
+    Args:
+        mesh: the surface.
+        direction: (3,) unit normal of the planes.
+        pitch: distance from plane to plane in metres.
+    """
+    heights = mesh.vertices @ direction
+    low, high = float(heights.min()), float(heights.max())
+    count = max(math.ceil((high - low) / pitch), 1)
+    steps = np.arange(count, dtype=np.float64) - (count - 1) / 2
+    return (low + high) / 2 + pitch * steps
+
+
+def slice(mesh: Mesh, direction: Floats, heights: Floats) -> Sections:
+    """Sections of a mesh with parallel planes; segments run along direction x facet normal.
+
+    Segments of no length, where a plane touches a vertex, are left out.
+
+    Args:
+        mesh: the surface.
+        direction: (3,) unit normal of the planes.
+        heights: (p,) distance of each plane from the origin along `direction`, in metres, not decreasing.
+
+    Raises:
+        ValueError: the direction has not length 1, or the heights are not in order.
+    """
+    if not abs(float(direction @ direction) - 1.0) <= 1e-12:
+        raise ValueError(f"expected a direction of length 1, got {direction}")
+    if not (np.all(np.isfinite(heights)) and np.all(np.diff(heights) >= 0)):
+        raise ValueError("expected finite heights that do not decrease")
+    altitudes = mesh.vertices @ direction
+    facets, planes, following, places = _segments(mesh, altitudes, heights)
+    segments, offsets, closed = _chained(following, planes)
+    ends = offsets[1:] - 1
+    last = segments[ends]
+    points = np.empty((len(segments), 3))
+    for axis, place in enumerate(places):
+        points[:, axis] = place.take(segments)
+    # The end of a closed curve comes from the same edge as its first point, and is equal to the last bit.
+    corners = mesh.facets[facets[last]]
+    above = altitudes[corners] >= heights[planes[last], None]
+    code = above @ np.array([1, 2, 4])
+    curve = np.arange(len(last))
+    points[ends] = _crossings(
+        mesh.vertices.T,
+        altitudes,
+        heights[planes[last]],
+        below=corners[curve, _EXIT_BELOW[code]],
+        above=corners[curve, _EXIT_ABOVE[code]],
+    ).T
+
+    moving = _moving(points, offsets)
+    sizes = np.diff(np.concatenate([[0], np.cumsum(moving)])[offsets])
+    some = sizes > 0
+    offsets = np.concatenate([[0], np.cumsum(sizes[some])])
+    if not np.all(moving):
+        kept = np.flatnonzero(moving)
+        points, segments = points.take(kept, axis=0), segments.take(kept)
+    on = facets.take(segments)
+    on[offsets[1:] - 1] = on[offsets[1:] - 2]
+    return Sections(
+        direction=np.array(direction),
+        heights=np.array(heights),
+        points=points,
+        facets=on,
+        offsets=offsets,
+        planes=planes[last][some],
+        closed=closed[some],
+    )
+
+
+def upper_envelope(mesh: Mesh, sections: Sections, min_normal_z: float) -> Sections:
+    """What of sections with vertical planes is seen from above: curves along direction x z, one behind the other.
+
+    What is steeper than `min_normal_z` hides what is below it and is itself left out. A curve ends where the next piece
+    does not begin on its last point: at an edge of the surface, at a step, at the border of something above.
+
+    Args:
+        mesh: the surface.
+        sections: its sections with planes whose direction is level.
+        min_normal_z: least |nz| of a facet to be sprayed, above 0.
+
+    Raises:
+        ValueError: the planes are not vertical.
+    """
+    if sections.direction[2] != 0.0:
+        raise ValueError(f"expected vertical planes, got the direction {sections.direction}")
+    along = np.array([sections.direction[1], -sections.direction[0], 0.0])
+    pieces = _monotone_pieces(sections, along)
+    while np.any(pieces["layer"] > 0):
+        pieces = _merged_layers(pieces)
+    pieces = pieces[np.abs(mesh.normals[pieces["facet"], 2]) >= min_normal_z]
+
+    joined = np.zeros(len(pieces), dtype=np.bool_)
+    joined[1:] = (
+        (pieces["plane"][1:] == pieces["plane"][:-1])
+        & (pieces["x0"][1:] == pieces["x1"][:-1])
+        & (pieces["z0"][1:] == pieces["z1"][:-1])
+    )
+    first = np.flatnonzero(~joined)
+    offsets = np.append(first + np.arange(len(first)), len(pieces) + len(first))
+    ends = offsets[1:] - 1
+    begins = np.ones(offsets[-1], dtype=np.bool_)
+    begins[ends] = False
+    piece = np.cumsum(begins) - 1
+    x = np.where(begins, pieces["x0"][piece], pieces["x1"][piece])
+    z = np.where(begins, pieces["z0"][piece], pieces["z1"][piece])
+    height = sections.heights[pieces["plane"][piece]]
+    return Sections(
+        direction=sections.direction,
+        heights=sections.heights,
+        points=x[:, None] * along + height[:, None] * sections.direction + z[:, None] * np.array([0.0, 0.0, 1.0]),
+        facets=pieces["facet"][piece],
+        offsets=offsets,
+        planes=pieces["plane"][first],
+        closed=np.zeros(len(first), dtype=np.bool_),
+    )
+
+
+def areas_from_above(mesh: Mesh, travel: float, spacing: float, min_normal_z: float) -> Areas:
+    """Area of a surface by what a gun above it can do: facing exactly, seen against hidden by strips.
+
+    Args:
+        mesh: the surface.
+        travel: direction of the strips, radians from +x towards +y.
+        spacing: width of the strips in metres; what is seen is exact within each strip's middle plane.
+        min_normal_z: least |nz| of a facet to be sprayed, above 0.
+    """
+    steep = np.abs(mesh.normals[:, 2]) < min_normal_z
+    facing, rest = float(np.sum(mesh.areas[steep])), float(np.sum(mesh.areas[~steep]))
+    direction = plane_direction(travel)
+    sections = slice(mesh, direction, plane_heights(mesh, direction, spacing))
+    widths = np.zeros(len(steep))
+    widths[~steep] = strip_widths(mesh.normals[~steep], direction, spacing)
+    envelope = upper_envelope(mesh, sections, min_normal_z)
+    cut, seen = (float(curves.lengths @ widths[curves.facets[curves.segments]]) for curves in (sections, envelope))
+    share = min(seen / cut, 1.0) if cut else 0.0
+    return Areas(seen=rest * share, facing=facing, hidden=rest - rest * share)
+
+
+def strip_widths(normals: Floats, direction: Floats, spacing: float) -> Floats:
+    """Width (k,) on the surface of the strip between planes, in metres; times a segment's length it is an area.
+
+    Args:
+        normals: (k, 3) unit normals, none along `direction`.
+        direction: (3,) unit normal of the planes.
+        spacing: distance of the planes in metres.
+    """
+    widths: Floats = spacing / np.linalg.norm(np.cross(normals, direction), axis=1)
+    return widths
+
+
+def _segments(mesh: Mesh, altitudes: Floats, heights: Floats) -> tuple[Ints, Ints, Ints, Floats]:
+    """Facet, plane and following segment (-1: none) of each segment (s,), by facet, and its first point (3, s)."""
+    level = np.searchsorted(heights, altitudes, side="right")  # planes that a vertex is above or on
+    lowest, counts = np.empty(len(mesh.facets), dtype=np.int64), np.empty(len(mesh.facets), dtype=np.int64)
+    for block in blocks(len(counts)):
+        a, b, c = level.take(mesh.facets[block].T)
+        lowest[block] = np.minimum(np.minimum(a, b), c)
+        counts[block] = np.maximum(np.maximum(a, b), c) - lowest[block]
+    first = np.concatenate([[0], np.cumsum(counts)])
+    shift = first[:-1] - lowest  # the segment of facet f in plane p is shift[f] + p
+    facets, planes, following = (np.empty(first[-1], dtype=np.int64) for _ in range(3))
+    places = np.empty((3, first[-1]))
+    vertices = np.ascontiguousarray(mesh.vertices.T)
+    corners, across = mesh.facets.ravel(), mesh.neighbours.ravel()
+    for block in blocks(len(counts)):
+        here = np.s_[first[block.start] : first[block.stop]]
+        local = np.repeat(np.arange(block.stop - block.start), counts[block])
+        facet = block.start + local
+        plane = np.arange(here.start, here.stop) - shift.take(facet)
+        code = np.zeros(len(facet), dtype=np.int64)
+        for corner, levels in enumerate(level.take(mesh.facets[block].T)):
+            code |= (levels.take(local) > plane).astype(np.int64) << corner
+        neighbour = across.take(3 * facet + _EXIT_BELOW.take(code)).astype(np.int64)
+        facets[here], planes[here] = facet, plane
+        following[here] = np.where(neighbour >= 0, shift.take(neighbour) + plane, -1)
+        places[:, here] = _crossings(
+            vertices,
+            altitudes,
+            heights.take(plane),
+            below=corners.take(3 * facet + _ENTRY_BELOW.take(code)),
+            above=corners.take(3 * facet + _ENTRY_ABOVE.take(code)),
+        )
+    return facets, planes, following, places
+
+
+def _chained(following: Ints, planes: Ints) -> tuple[Ints, Ints, Mask]:
+    """Segment (n,) that begins each row, first row (c + 1,) of each curve, and whether each is closed (c,).
+
+    Curves are in order of plane, then of their first segment. Each has one row more than segments, which has its last
+    segment again.
+
+    Args:
+        following: (s,) the segment after each, or -1.
+        planes: (s,) its plane.
+    """
+    begins, lengths, stops, run, segment, step = _runs(following)
+    count = len(begins)
+    run_from = np.empty(len(following), dtype=np.int64)
+    run_from[begins] = np.arange(count)
+    linked = np.flatnonzero(stops >= 0)
+    after = run_from[stops[linked]]
+    before, back, head = np.arange(count), np.zeros(count, dtype=np.int64), np.ones(count, dtype=np.bool_)
+    before[after], back[after], head[after] = linked, lengths[linked], False
+
+    # The first run of a curve is its head or, where it is closed, the run that begins with the lowest segment. Each run
+    # looks back along its curve, twice as far each time, for the lowest label and the segments from there to it.
+    label = np.where(head, begins - len(following), begins)
+    distance = np.zeros(count, dtype=np.int64)
+    while np.any(lower := label[before] < label):
+        label = np.where(lower, label[before], label)
+        distance = np.where(lower, back + distance[before], distance)
+        back = back + back[before]
+        before = before[before]
+
+    first = np.flatnonzero(distance == 0)
+    first = first[np.lexsort((begins[first], planes[begins[first]]))]
+    curve_from = np.empty(count, dtype=np.int64)
+    curve_from[first] = np.arange(len(first))
+    # A head's label, counted from the end of the segments, is its first segment as well.
+    curve = curve_from[run_from[label]]
+    sizes = np.bincount(curve, weights=lengths, minlength=len(first)).astype(np.int64) + 1
+    offsets = np.concatenate([[0], np.cumsum(sizes)])
+    segments = np.empty(offsets[-1], dtype=np.int64)
+    segments[(offsets[curve] + distance).take(run) + step] = segment
+    segments[offsets[1:] - 1] = segments[offsets[1:] - 2]
+    return segments, offsets, ~head[first]
+
+
+def _runs(following: Ints) -> tuple[Ints, Ints, Ints, Ints, Ints, Ints]:
+    """Runs of segments: first one, length, the one after or -1 (r,); and run, segment and place in the run of all (s,).
+
+    A run begins at the head of a curve and at one segment in 32, and all are followed at once.
+    """
+    count = len(following)
+    is_head = np.ones(count, dtype=np.bool_)
+    is_head[following[following >= 0]] = False
+    # Multiplicative hashing (Knuth, TAOCP 6.4) scatters the beginnings, so that no regular numbering makes a run long.
+    scattered = np.arange(count, dtype=np.uint32) * np.uint32(2654435761) < np.uint32(2**27)
+    begins = np.flatnonzero(is_head | scattered)
+    is_over = np.zeros(count + 1, dtype=np.bool_)  # the last for -1
+    is_over[begins], is_over[-1] = True, True
+    lengths, stops = np.empty(len(begins), dtype=np.int64), np.empty(len(begins), dtype=np.int64)
+    is_left = np.ones(count, dtype=np.bool_)
+    trail, steps = [(np.arange(len(begins)), begins)], [0]
+    while len(trail[-1][0]):
+        run, segment = trail[-1]
+        is_left[segment] = False
+        segment = following.take(segment)
+        over = is_over.take(segment)
+        ended, going = np.flatnonzero(over), np.flatnonzero(~over)
+        lengths[run.take(ended)], stops[run.take(ended)] = len(trail), segment.take(ended)
+        trail.append((run.take(going), segment.take(going)))
+        steps.append(len(steps))
+    # Short closed curves in which no run begins: each segment is a run.
+    left = np.flatnonzero(is_left)
+    trail.append((len(begins) + np.arange(len(left)), left))
+    steps.append(0)
+    return (
+        np.concatenate([begins, left]),
+        np.concatenate([lengths, np.ones(len(left), dtype=np.int64)]),
+        np.concatenate([stops, following[left]]),
+        np.concatenate([run for run, _ in trail]),
+        np.concatenate([segment for _, segment in trail]),
+        np.repeat(steps, [len(run) for run, _ in trail]),
+    )
+
+
+def _crossings(vertices: Floats, altitudes: Floats, heights: Floats, below: Ints, above: Ints) -> Floats:
+    """Coordinates (3, k) in metres where edges cross planes; a vertex that lies on its plane is met to the last bit.
+
+    Args:
+        vertices: (3, n) coordinates of the vertices in metres.
+        altitudes: (n,) their heights.
+        heights: (k,) heights of the planes.
+        below: (k,) vertex below.
+        above: (k,) vertex above or on the plane.
+    """
+    top = altitudes.take(above)
+    share = (top - heights) / (top - altitudes.take(below))
+    places = np.empty((3, len(heights)))
+    for place, coordinate in zip(places, vertices, strict=True):
+        start = coordinate.take(above)
+        place[:] = start + share * (coordinate.take(below) - start)
+    return places
+
+
+def _moving(points: Floats, offsets: Ints) -> Mask:
+    """Rows (n,) that begin a segment with a length, and the last row of curves that have one."""
+    moving = np.zeros(len(points), dtype=np.bool_)
+    for coordinate in points.T:
+        moving[:-1] |= coordinate[1:] != coordinate[:-1]
+    ends = offsets[1:] - 1
+    moving[ends] = False
+    if len(ends):
+        moving[ends] = np.logical_or.reduceat(moving, offsets[:-1])
+    return moving
+
+
+_PIECE = np.dtype(
+    [("plane", "i8"), ("layer", "i8"), ("x0", "f8"), ("z0", "f8"), ("x1", "f8"), ("z1", "f8"), ("facet", "i8")]
+)
+Pieces = NDArray[np.void]
+
+
+def _monotone_pieces(sections: Sections, along: Floats) -> Pieces:
+    """Segments as pieces from x0 to x1 > x0 along a level direction, layer by layer and from left to right.
+
+    A layer is a stretch of a curve that runs one way, so that nothing in it is above anything else in it. Upright
+    segments cannot be seen from above.
+    """
+    x = sections.points[:, 0] * along[0] + sections.points[:, 1] * along[1]
+    z = sections.points[:, 2]
+    rows = sections.segments
+    rows = rows[x[rows + 1] != x[rows]]
+    forward = x[rows + 1] > x[rows]
+    left, right = np.where(forward, rows, rows + 1), np.where(forward, rows + 1, rows)
+    new = np.ones(len(rows), dtype=np.bool_)
+    # Curves are apart by the last row of each, which begins no segment.
+    new[1:] = (np.diff(rows) != 1) | (forward[1:] != forward[:-1])
+    layer = np.cumsum(new) - 1
+    plane = np.repeat(sections.planes, np.diff(sections.offsets))[rows]
+    pieces = np.empty(len(rows), dtype=_PIECE)
+    pieces["plane"], pieces["facet"] = plane, sections.facets[rows]
+    pieces["layer"] = layer - layer[np.searchsorted(plane, plane)]
+    pieces["x0"], pieces["z0"], pieces["x1"], pieces["z1"] = x[left], z[left], x[right], z[right]
+    ordered: Pieces = pieces[np.lexsort((pieces["x0"], layer))]
+    return ordered
+
+
+def _merged_layers(pieces: Pieces) -> Pieces:
+    """The upper envelope of each two layers of a plane, for all planes at once: half as many layers.
+
+    Between neighbouring ends of pieces, each of the two layers is one piece or nothing; where two cross, both are cut.
+    """
+    layer = pieces["layer"] // 2
+    group = np.cumsum(np.append([False], (np.diff(pieces["plane"]) != 0) | (np.diff(layer) != 0)))
+    xs, groups = np.concatenate([pieces["x0"], pieces["x1"]]), np.concatenate([group, group])
+    order = np.lexsort((xs, groups))
+    new = np.append([True], (np.diff(xs[order]) != 0) | (np.diff(groups[order]) != 0))
+    knots = xs[order[new]]
+    knot = np.empty(len(order), dtype=np.int64)
+    knot[order] = np.cumsum(new) - 1
+
+    # Interval i is from knot i to knot i + 1.
+    begin, end = knot[: len(pieces)], knot[len(pieces) :]
+    spans = end - begin
+    piece = np.repeat(np.arange(len(pieces)), spans)
+    interval = np.arange(len(piece)) - np.repeat(np.cumsum(spans) - spans - begin, spans)
+    side = pieces["layer"][piece] % 2
+    on = np.full((2, len(knots)), -1)
+    on[side, interval] = piece
+    left, right = np.full((2, len(knots)), -np.inf), np.full((2, len(knots)), -np.inf)
+    left[side, interval] = _altitudes(pieces[piece], knots[interval])
+    right[side, interval] = _altitudes(pieces[piece], knots[interval + 1])
+
+    used = np.flatnonzero(np.any(on >= 0, axis=0))
+    on, left, right = on[:, used], left[:, used], right[:, used]
+    x0, x1 = knots[used], knots[used + 1]
+    lead, trail = left[0] - left[1], right[0] - right[1]
+    crossing = np.flatnonzero(((lead > 0) & (trail < 0)) | ((lead < 0) & (trail > 0)))
+    share = lead[crossing] / (lead[crossing] - trail[crossing])
+    cut_x, cut_z = np.full(len(used), np.nan), np.full(len(used), np.nan)
+    cut_x[crossing] = x0[crossing] + share * (x1[crossing] - x0[crossing])
+    cut_z[crossing] = left[0, crossing] + share * (right[0, crossing] - left[0, crossing])
+    cut = (cut_x > x0) & (cut_x < x1)
+    upper = np.where(cut, lead < 0, lead + trail < 0).astype(np.int64)
+
+    source = np.repeat(np.arange(len(used)), 1 + cut)
+    behind = np.append([False], source[1:] == source[:-1])  # the part behind the crossing
+    before = cut[source] & ~behind
+    top = np.where(behind, 1 - upper[source], upper[source])
+    piece = on[top, source]
+    first = np.flatnonzero(np.append([True], piece[1:] != piece[:-1]))
+    last = np.append(first[1:], len(piece)) - 1
+    merged: Pieces = pieces[piece[first]]
+    merged["layer"] //= 2
+    merged["x0"] = np.where(behind, cut_x[source], x0[source])[first]
+    merged["z0"] = np.where(behind, cut_z[source], left[top, source])[first]
+    merged["x1"] = np.where(before, cut_x[source], x1[source])[last]
+    merged["z1"] = np.where(before, cut_z[source], right[top, source])[last]
+    return merged
+
+
+def _altitudes(pieces: Pieces, x: Floats) -> Floats:
+    """Height z (k,) of each piece (k,) at x (k,), in metres; at its ends to the last bit."""
+    share = (x - pieces["x0"]) / (pieces["x1"] - pieces["x0"])
+    altitudes: Floats = (1.0 - share) * pieces["z0"] + share * pieces["z1"]
+    return altitudes

@@ -1,0 +1,1 @@
+"""The tape layer: from courses to verified programs and their reports."""

@@ -1,0 +1,394 @@
+"""Stations: where the courses of a ply come to lie on the tape, and which knife makes which cut.
+
+A station is a length along the tape from its first leading edge towards the supply roll (see `tape_plan`).
+Course by course, every way to hand the sweeps out to the two knives is kept that reaches the smallest station.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Ints, Mask
+from tapelayer.errors import BladesMeet, CourseLongerThanRoll, CutAngleTooSmall, CutsCross, TapeWiderThanTravel
+
+# Two lines that part by no more than this over the width and both clearances are one line.
+SAME_LINE = 1e-5
+# A raised move with no more feed than this to make it in is made with the tape at rest.
+LEAST_FEED = 1e-5
+# A raised move takes the last metre of feed before its sweep: at 1 m/s a slide has a second for its travel.
+MOVE_FEED = 1.0
+# Rounding of u over kilometres of tape: what ends and what begins nearer than this touch.
+TOUCH = 1e-9
+ANGLE_ROUNDING = 1e-9
+LEFT, RIGHT, EITHER = 1, -1, 0
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Head:
+    """The tape head's measures, in metres and radians.
+
+    Attributes:
+        tape_width: width of the tape.
+        knife_to_nip: tape path from knife 1 to the nip on a level surface.
+        knife_pitch: knife 2 stands upstream of knife 1 by this.
+        knife_clearance: a sweep's run beyond both edges of the tape.
+        scrap_margin: least waste between two cuts that are not one.
+        blade_length: least distance between the two blades.
+        travel_v: lower and upper end of knife 1's slide, left positive.
+        travel_q: lower and upper end of knife 2's slide, left positive.
+        minimum_cut_angle: least angle between a cut and the tape's edge.
+        roll_length: tape on one roll.
+    """
+
+    tape_width: float
+    knife_to_nip: float
+    knife_pitch: float
+    knife_clearance: float
+    scrap_margin: float
+    blade_length: float
+    travel_v: tuple[float, float]
+    travel_q: tuple[float, float]
+    minimum_cut_angle: float
+    roll_length: float
+
+    @property
+    def reach(self) -> float:
+        """Distance from the centre line to a sweep's start and end, in metres."""
+        return self.tape_width / 2.0 + self.knife_clearance
+
+
+def _check_head(head: Head) -> None:
+    for axis, knife, (lower, upper) in (("v", 1, head.travel_v), ("q", 2, head.travel_q)):
+        if not (lower <= -head.reach and head.reach <= upper):
+            widest = max(0.0, 2e3 * (min(-lower, upper) - head.knife_clearance))
+            raise TapeWiderThanTravel(
+                f"tape of {head.tape_width * 1e3:g} mm needs knife {knife} (axis {axis}) from {-head.reach * 1e3:g} to "
+                f"{head.reach * 1e3:g} mm, {head.knife_clearance * 1e3:g} mm beyond both edges, but it travels from "
+                f"{lower * 1e3:g} to {upper * 1e3:g} mm; the widest tape is {widest:g} mm"
+            )
+    if not head.blade_length <= head.knife_pitch:
+        raise BladesMeet(
+            f"blades of {head.blade_length * 1e3:g} mm would meet, as the knives pass each other at "
+            f"{head.knife_pitch * 1e3:g} mm; blade_length_mm must not be more"
+        )
+
+
+def _cots(head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: Floats) -> Floats:
+    """Cotangents (n, 2) of the cut angles; refuses what cannot be cut."""
+    flat = np.minimum(cut_angles, math.pi - cut_angles)
+    faulty = ~(flat >= head.minimum_cut_angle - ANGLE_ROUNDING)
+    rows = np.flatnonzero(faulty.any(axis=1)).tolist()
+    if rows:
+        sentences = []
+        for row in rows:
+            ends = "start and end cuts are" if faulty[row].all() else f"{'end' if faulty[row, 1] else 'start'} cut is"
+            degrees = " and ".join(f"{math.degrees(angle):g}" for angle in cut_angles[row][faulty[row]])
+            sentences.append(
+                f"course {numbers[row]}: its {ends} at {degrees} deg, less than minimum_cut_angle_deg = "
+                f"{math.degrees(head.minimum_cut_angle):g} from the tape's edge; give it a steeper cut"
+            )
+        raise CutAngleTooSmall([numbers[row] for row in rows], sentences)
+    cots: Floats = np.cos(cut_angles) / np.sin(cut_angles)
+    shortest = head.tape_width / 2.0 * np.abs(cots[:, 0] - cots[:, 1])
+    rows = np.flatnonzero(~(lengths > shortest)).tolist()
+    if rows:
+        sentences = [
+            f"course {numbers[row]}: its cuts at {math.degrees(cut_angles[row, 0]):g} and "
+            f"{math.degrees(cut_angles[row, 1]):g} deg cross inside the {head.tape_width * 1e3:g} mm tape, as it is "
+            f"{lengths[row] * 1e3:.3f} mm long; it must be longer than {shortest[row] * 1e3:.3f} mm"
+            for row in rows
+        ]
+        raise CutsCross([numbers[row] for row in rows], sentences)
+    return cots
+
+
+class _Sweep(NamedTuple):
+    """A cut before a knife is found for it: cot(alpha), half its run in u (0 if square), where it starts, the blade."""
+
+    cot: float
+    half: float
+    start: int
+    blade: float
+
+
+class _Course(NamedTuple):
+    """A course before it has a station: its length, that with the tape from its end to the nip, its two sweeps."""
+
+    length: float
+    fed: float
+    lead: _Sweep
+    trail: _Sweep
+
+
+class _Roll(NamedTuple):
+    """A roll: u at its leading edge and the highest u it can be fed to; knife 2 stands by `pitch` further up."""
+
+    floor: float
+    limit: float
+    pitch: float
+
+
+class Made(NamedTuple):
+    """A sweep that a knife (0 or 1) makes from u = begin to end, how it stood before, and the sweep before that."""
+
+    knife: int
+    begin: float
+    end: float
+    start: int
+    blade: float
+    left_u: float
+    left_side: int
+    left_blade: float
+    earlier: Made | None
+
+
+class _State(NamedTuple):
+    """How the two knives stand after some sweeps.
+
+    Attributes:
+        free: u from which each knife is free.
+        sides: where each stands.
+        blades: how each blade stands; NaN before the first sweep, which finds it as it needs it.
+        cost: waits, metres of feed that raised moves are short of, raised crossings, sweeps of knife 2.
+        made: the last sweep.
+    """
+
+    free: tuple[float, float]
+    sides: tuple[int, int]
+    blades: tuple[float, float]
+    cost: tuple[int, float, int, int]
+    made: Made | None
+
+
+class _Lie(NamedTuple):
+    """Where a course comes to lie, and every way the knives can do it: none where the roll does not hold it."""
+
+    station: float
+    shared: bool
+    formula: float
+    states: Sequence[_State]
+
+
+class Placed(NamedTuple):
+    """Courses and cuts on the tape, and the sweep that makes each cut.
+
+    Attributes:
+        stations: (n,) metres, of each course's start.
+        rolls: (n,) number of each course's roll, from 0.
+        roll_u: (m,) metres, u at which each roll's leading edge stands at knife 1.
+        waste: (n, 3) metres before each course: for a new roll, by the formula, for the knives.
+        course_cuts: (n, 2) index of the cut at each course's start and end.
+        cut_stations: (c,) metres, where each cut meets the centre line.
+        cut_angles: (c,) radians.
+        square: (c,) True where the tape rests during the sweep.
+        made: the sweeps in the order of the cuts.
+    """
+
+    stations: Floats
+    rolls: Ints
+    roll_u: Floats
+    waste: Floats
+    course_cuts: Ints
+    cut_stations: Floats
+    cut_angles: Floats
+    square: Mask
+    made: list[Made]
+
+
+_AT_FIRST = _State((0.0, 0.0), (LEFT, RIGHT), (math.nan, math.nan), (0, 0.0, 0, 0), None)
+
+
+def place_courses(head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: Floats, wraps: Floats) -> Placed:
+    """Stations and sweeps of a ply; arguments and errors as `tapelayer.laying.tape_plan.plan_tape`."""
+    _check_head(head)
+    cots = _cots(head, numbers, lengths, cut_angles)
+    courses = [
+        _Course(
+            float(length),
+            float(length + head.knife_to_nip - wrap),
+            *(_sweep(head, float(angle), float(cot)) for angle, cot in zip(*ends, strict=True)),
+        )
+        for length, wrap, *ends in zip(lengths, wraps[:, 1], cut_angles, cots, strict=True)
+    ]
+    # Whatever a knife did before this much tape, it has all the feed it needs for every sweep to come.
+    past = float(np.max(np.abs(cots))) * head.reach + head.knife_pitch + MOVE_FEED
+    states: Sequence[_State] = [_AT_FIRST]
+    stations: list[float] = []
+    rolls: list[int] = []
+    roll_u: list[float] = []
+    waste: list[tuple[float, float, float]] = []
+    course_cuts: list[tuple[int, int]] = []
+    cut_stations: list[float] = []
+    cut_owners: list[tuple[int, int]] = []
+    end = laid = 0.0
+    # No roll is set yet: it holds nothing, so the first course starts one.
+    roll, before = _Roll(0.0, -math.inf, head.knife_pitch), courses[0].lead
+    for k, course in enumerate(courses):
+        edge = end
+        lie = _following(head, states, course, before, end, roll)
+        if not lie.states:
+            # Every sweep of the old roll is finished, and its tape lies up to the nip, when a new one is set.
+            edge = max(laid, min(max(state.free) for state in states))
+            roll = _Roll(edge, edge + head.roll_length - head.knife_pitch, head.knife_pitch)
+            roll_u.append(edge)
+            lie = _leading(head, [state for state in states if max(state.free) <= edge], course, roll)
+            if not lie.states:
+                raise _longer_than_roll(head, numbers, courses)
+        states = _distinct(lie.states, lie.station + course.length - past)
+        stations.append(lie.station)
+        rolls.append(len(roll_u) - 1)
+        # The formula's share is exact; what is beyond it can miss zero by rounding.
+        waste.append((edge - end, lie.formula, max(0.0, lie.station - edge - lie.formula)))
+        if not lie.shared:
+            cut_stations.append(lie.station)
+            cut_owners.append((k, 0))
+        end = lie.station + course.length
+        laid = max(laid, lie.station + course.fed)
+        before = course.trail
+        course_cuts.append((len(cut_stations) - 1, len(cut_stations)))
+        cut_stations.append(end)
+        cut_owners.append((k, 1))
+
+    made: list[Made] = []
+    last = min(states, key=lambda state: state.cost).made
+    while last is not None:
+        made.append(last)
+        last = last.earlier
+    owners = tuple(np.array(cut_owners).T)
+    return Placed(
+        np.array(stations),
+        np.array(rolls),
+        np.array(roll_u),
+        np.array(waste),
+        np.array(course_cuts),
+        np.array(cut_stations),
+        cut_angles[owners],
+        2.0 * head.reach * np.abs(cots[owners]) <= SAME_LINE,
+        made[::-1],
+    )
+
+
+def _sweep(head: Head, angle: float, cot: float) -> _Sweep:
+    half, blade = head.reach * abs(cot), angle - math.pi / 2.0
+    if 2.0 * half <= SAME_LINE:
+        return _Sweep(cot, 0.0, EITHER, blade)
+    return _Sweep(cot, half, RIGHT if cot > 0.0 else LEFT, blade)
+
+
+def _following(head: Head, states: Sequence[_State], course: _Course, before: _Sweep, end: float, roll: _Roll) -> _Lie:
+    """A course after the one that ends at station `end` with the cut `before`, on the same roll."""
+    apart = abs(before.cot - course.lead.cot)
+    one_line = 2.0 * head.reach * apart <= SAME_LINE
+    if one_line and end + course.fed <= roll.limit:
+        reached = _swept(states, end + course.length, course.trail, roll)
+        if reached:
+            return _Lie(end, True, 0.0, reached)
+    formula = head.tape_width / 2.0 * apart + head.scrap_margin
+    station = max(end + formula, _lowest(states, course, roll))
+    # Cuts at one angle need no waste of their own: all of it is the knives'.
+    return _Lie(station, False, 0.0 if one_line else formula, _cut(states, station, course, roll))
+
+
+def _leading(head: Head, states: Sequence[_State], course: _Course, roll: _Roll) -> _Lie:
+    """A roll's first course: the roll's leading edge is a square cut that it does not share."""
+    formula = head.tape_width / 2.0 * abs(course.lead.cot) + head.scrap_margin
+    station = max(roll.floor + formula, _lowest(states, course, roll))
+    return _Lie(station, False, formula, _cut(states, station, course, roll))
+
+
+def _cut(states: Sequence[_State], station: float, course: _Course, roll: _Roll) -> Sequence[_State]:
+    """States after both sweeps of a course at `station`."""
+    if not station + course.fed <= roll.limit:
+        return ()
+    return _swept(_swept(states, station, course.lead, roll), station + course.length, course.trail, roll)
+
+
+def _swept(states: Sequence[_State], station: float, sweep: _Sweep, roll: _Roll) -> Sequence[_State]:
+    """States after a sweep over the line through `station`, by either knife that is free for it."""
+    after = []
+    for state in states:
+        for knife in (0, 1):
+            begin, free = station - sweep.half - roll.pitch * knife, state.free[knife]
+            end = begin + 2.0 * sweep.half
+            # By rounding, a knife can be free a hair after its sweep begins.
+            if begin < max(free, roll.floor) - TOUCH or end > roll.limit:
+                continue
+            begin = max(begin, free, roll.floor)
+            side, blade = state.sides[knife], state.blades[knife]
+            start = sweep.start or side
+            if math.isnan(blade):
+                blade = sweep.blade
+            crosses = start != side
+            feed = begin - free if crosses or blade != sweep.blade else MOVE_FEED
+            cost = (
+                state.cost[0] + (feed <= LEAST_FEED),
+                state.cost[1] + max(0.0, MOVE_FEED - feed),
+                state.cost[2] + crosses,
+                state.cost[3] + knife,
+            )
+            made = Made(knife, begin, end, start, sweep.blade, free, side, blade, state.made)
+            after.append(
+                _State(
+                    _with(state.free, knife, end),
+                    _with(state.sides, knife, -start),
+                    _with(state.blades, knife, sweep.blade),
+                    cost,
+                    made,
+                )
+            )
+    return after
+
+
+def _with(pair: tuple[T, T], knife: int, value: T) -> tuple[T, T]:
+    return (value, pair[1]) if knife == 0 else (pair[0], value)
+
+
+def _lowest(states: Sequence[_State], course: _Course, roll: _Roll) -> float:
+    """Smallest station at which a course's leading and trailing sweep both find a free knife."""
+    lowest = math.inf
+    for state in states:
+        for knife in (0, 1):
+            station = max(state.free[knife], roll.floor) + course.lead.half + roll.pitch * knife
+            if course.length < course.lead.half + course.trail.half:
+                other = 1 - knife
+                trails = max(state.free[other], roll.floor) + course.trail.half + roll.pitch * other
+                station = max(station, trails - course.length)
+            lowest = min(lowest, station)
+    return lowest
+
+
+def _distinct(states: Sequence[_State], past: float) -> Sequence[_State]:
+    """The cheapest of the states that differ in nothing that sweeps from u = `past` on can tell."""
+    cheapest: dict[tuple[object, ...], _State] = {}
+    for state in states:
+        known = tuple(
+            (side, free, blade) if free > past else (side,)
+            for side, free, blade in zip(state.sides, state.free, state.blades, strict=True)
+        )
+        if known not in cheapest or state.cost < cheapest[known].cost:
+            cheapest[known] = state
+    return list(cheapest.values())
+
+
+def _longer_than_roll(head: Head, numbers: Sequence[int], courses: Sequence[_Course]) -> CourseLongerThanRoll:
+    """Every course that a new roll cannot feed up to its last point and its last cut."""
+    endless = _Roll(0.0, math.inf, head.knife_pitch)
+    refused, sentences = [], []
+    for number, course in zip(numbers, courses, strict=True):
+        lie = _leading(head, [_AT_FIRST], course, endless)
+        cut = min(max(state.free) for state in lie.states)
+        needed = max(cut, lie.station + course.fed) + head.knife_pitch
+        if not needed <= head.roll_length:
+            refused.append(number)
+            sentences.append(
+                f"course {number}: {course.length * 1e3:.3f} mm long, it needs {needed:.3f} m of tape with the waste "
+                f"before it and what lies between knives and nip, but a roll holds {head.roll_length:g} m; split it"
+            )
+    return CourseLongerThanRoll(refused, sentences)

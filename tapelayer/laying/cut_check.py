@@ -1,0 +1,315 @@
+"""Cutting: what the knives of a program cut on the tape, found by forward kinematics, against what the courses ask."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tapelayer.arrays import Floats
+from tapelayer.laying.evidence import CutMade, LedgerRow, TapeLedger
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.setups.sections import DEG, MM, Setup
+from tapelayer.verification.failures import Failure
+
+KNIVES = (("knife_1", Event.KNIFE_1_DOWN, Event.KNIFE_1_UP), ("knife_2", Event.KNIFE_2_DOWN, Event.KNIFE_2_UP))
+# Two cuts that part by no more over the tape and both clearances are one line (docs: tape coordinates).
+SAME_LINE = 1e-5
+# What the last written digits of u can add to the tape drawn from a roll.
+ROLL_DIGIT = 2e-6
+# A knife farther off than this from every line that the courses ask for makes none of them.
+STRAY = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """A course as the program lays it.
+
+    Attributes:
+        number: in its file.
+        points: in its file.
+        cut_angles: (start, end) radians from travel towards the left.
+        length: metres.
+        station: of its start on the tape, metres, by the tape fed.
+        begin: seconds at which its laying begins.
+        end: seconds at which it ends.
+        out: (3,) unit tangent at its end, `machine` axes.
+    """
+
+    number: int
+    points: int
+    cut_angles: tuple[float, float]
+    length: float
+    station: float
+    begin: float
+    end: float
+    out: Floats
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line that has to be cut: sigma(w) = station + w cot(angle); courses by index, -1 for none."""
+
+    station: float
+    angle: float
+    ending: int
+    starting: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Sweep:
+    """A knife's way on the tape while it is down: (n,) stations, (n,) places across, (n, 2) blade directions."""
+
+    knife: int
+    row: int
+    begin: float
+    stations: Floats
+    across: Floats
+    blades: Floats
+
+    def off(self, line: _Line) -> float:
+        """Largest distance in metres from a line."""
+        away = self.stations - line.station - self.across / math.tan(line.angle)
+        return float(np.max(np.abs(away))) * math.sin(line.angle)
+
+    def turned(self, line: _Line) -> float:
+        """Largest angle in radians between blade and line."""
+        direction = np.array([-np.cos(line.angle), np.sin(line.angle)])
+        across = self.blades[:, 0] * direction[1] - self.blades[:, 1] * direction[0]
+        return float(np.max(np.abs(np.arctan2(across, self.blades @ direction))))
+
+
+def judge_cuts(
+    trajectory: Trajectory, courses: Sequence[Laid], setup: Setup, machine: Machine
+) -> tuple[TapeLedger, list[Failure]]:
+    """The tape's ledger by the program itself, and what its cuts fail in.
+
+    Args:
+        trajectory: planned, or read back from a program; every axis stated before the first feed.
+        courses: as the program lays them, in order.
+        setup: the job's values.
+        machine: the gantry.
+    """
+    edges = _roll_edges(trajectory, courses)
+    fresh = [not index or edges[index + 1] > edges[index] for index in range(len(courses))]
+    lines = _lines(courses, fresh, setup)
+    sweeps = _sweeps(trajectory, setup, machine)
+    made, failures = _matched(trajectory, courses, lines, sweeps, setup)
+    rows, overlaps = _ledger(trajectory, courses, fresh, edges, lines, made, setup)
+    failures += [*overlaps, *_rolls(trajectory, setup, machine)]
+    used = courses[-1].station + courses[-1].length - edges[0] if courses else 0.0
+    return TapeLedger(tuple(rows), tuple(made), used, *_shares(trajectory, courses)), failures
+
+
+def _roll_edges(trajectory: Trajectory, courses: Sequence[Laid]) -> list[float]:
+    """Station of the first roll's leading edge, where u begins, then of each course's roll: u at the stop before it."""
+    stops, u = np.flatnonzero(trajectory.events == Event.STOP), _fed(trajectory)
+    edges = np.append(u[np.argmin(np.isnan(u))], u[stops + 1])
+    before = np.searchsorted(trajectory.times[stops], [course.begin for course in courses], side="right")
+    return [float(edge) for edge in edges[np.append(0, before)]]
+
+
+def _fed(trajectory: Trajectory) -> Floats:
+    """Tape fed (n + 1,) at the program's start and every block's end, metres; NaN where it is not stated yet."""
+    u = trajectory.column("u")
+    return np.append(trajectory.start[u], trajectory.positions[:, u])
+
+
+def _reach(setup: Setup) -> float:
+    """How far across a knife goes in a sweep, in metres: the tape's width and both clearances."""
+    return (setup.tape.width_mm + 2 * setup.head.knife_clearance_mm) * MM
+
+
+def _lines(courses: Sequence[Laid], fresh: Sequence[bool], setup: Setup) -> list[_Line]:
+    """Lines to be cut in the order of the tape; a cut that two courses share is one line."""
+    reach = _reach(setup)
+    lines: list[_Line] = []
+    for index, course in enumerate(courses):
+        start, end = course.cut_angles
+        last = lines[-1] if lines else None
+        if (
+            last
+            and not fresh[index]
+            and abs(1 / np.tan(last.angle) - 1 / np.tan(start)) * reach <= SAME_LINE
+            and abs(last.station - course.station) <= setup.verification.max_cut_error_mm * MM
+        ):
+            lines[-1] = _Line(last.station, last.angle, last.ending, index)
+        else:
+            lines.append(_Line(course.station, start, -1, index))
+        lines.append(_Line(course.station + course.length, end, index, -1))
+    return lines
+
+
+def _sweeps(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[_Sweep]:
+    """Everything that the knives do while they are down, in order."""
+    delay = setup.head.delays_ms.knife * 1e-3
+    sweeps = []
+    for knife, (frame, down, up) in enumerate(KNIVES, 1):
+        ups = np.flatnonzero(trajectory.events == up)
+        spans = []
+        for row in np.flatnonzero(trajectory.events == down):
+            later = ups[ups > row]
+            begin = float(trajectory.times[row]) + delay
+            end = float(trajectory.times[later[0]]) + delay if len(later) else trajectory.duration
+            first, last = np.searchsorted(trajectory.times, [begin, max(begin, end)], side="right")
+            # The block in progress as the knife touches, every block's end from there on, the block as it lifts.
+            blocks = np.concatenate([[first], np.arange(first, last + 1)])
+            moments = np.concatenate([[begin], trajectory.times[first:last], [max(begin, end)]])
+            spans.append((knife, int(row), begin, blocks, moments))
+        if not spans:
+            continue
+        blocks = np.minimum(np.concatenate([blocks for *_, blocks, _ in spans]), len(trajectory) - 1)
+        moments = np.concatenate([moments for *_, moments in spans])
+        spent = trajectory.durations[blocks]
+        left = (trajectory.times[blocks] - moments) / np.where(spent > 0.0, spent, 1.0)
+        joints = trajectory.within(blocks, np.clip(1.0 - left, 0.0, 1.0))
+        poses = machine.forward_all(joints, ("tape", frame))
+        tape, blade = poses["tape"], poses[frame]
+        # The knife's origin and blade in the tape's axes: station against x, across along y.
+        place = np.einsum("nji,nj->ni", tape[:, :3, :3], blade[:, :3, 3] - tape[:, :3, 3])
+        turned = np.einsum("nji,nj->ni", tape[:, :3, :3], blade[:, :3, 1])[:, :2]
+        parts = np.cumsum([len(moments) for *_, moments in spans])[:-1]
+        columns = zip(np.split(-place[:, 0], parts), np.split(place[:, 1], parts), np.split(turned, parts), strict=True)
+        for (number, down_row, begin, *_), (stations, across, blades) in zip(spans, columns, strict=True):
+            sweeps.append(_Sweep(number, down_row, begin, stations, across, blades))
+    return sorted(sweeps, key=lambda sweep: sweep.begin)
+
+
+def _matched(
+    trajectory: Trajectory, courses: Sequence[Laid], lines: Sequence[_Line], sweeps: Sequence[_Sweep], setup: Setup
+) -> tuple[list[CutMade], list[Failure]]:
+    """Every line with the sweep that cuts it; lines not cut, cut again, or not well, and sweeps that cut no line."""
+    limits, reach = setup.verification, _reach(setup)
+    stations = np.array([line.station for line in lines])
+    found: dict[int, list[_Sweep]] = {}
+    failures = []
+    for sweep in sweeps:
+        line_number = int(trajectory.lines[sweep.row])
+        middle = float(np.mean(sweep.stations))
+        near = np.argsort(np.abs(stations - middle))[:8]
+        offs = [sweep.off(lines[candidate]) for candidate in near]
+        if not offs or not min(offs) <= STRAY:
+            off = min(offs, default=np.inf) / MM
+            failures.append(Failure(0, 0, f"knife_{sweep.knife}_off_every_cut_mm", off, STRAY / MM, line_number))
+            continue
+        found.setdefault(int(near[int(np.argmin(offs))]), []).append(sweep)
+    fed = trajectory.positions[:, trajectory.column("u")]
+    made = []
+    for index, line in enumerate(lines):
+        owner = line.ending if line.ending >= 0 else line.starting
+        course, point = courses[owner].number, courses[owner].points if line.ending >= 0 else 1
+        by = found.get(index, [])
+        if len(by) != 1:
+            # Where it is made again, or where the tape goes by without it.
+            block = by[1].row if by else int(np.argmax(fed >= line.station))
+            failures.append(Failure(course, point, "cuts_made", len(by), 1, int(trajectory.lines[block])))
+            continue
+        sweep = by[0]
+        row = int(trajectory.lines[sweep.row])
+        error, turned = sweep.off(line), sweep.turned(line)
+        if not error <= limits.max_cut_error_mm * MM:
+            failures.append(Failure(course, point, "cut_error_mm", error / MM, limits.max_cut_error_mm, row))
+        if not turned <= limits.max_blade_error_deg * DEG:
+            failures.append(Failure(course, point, "blade_error_deg", turned / DEG, limits.max_blade_error_deg, row))
+        side = float(min(-np.min(sweep.across), np.max(sweep.across), abs(sweep.across[0]), abs(sweep.across[-1])))
+        if not side >= reach / 2 - limits.max_cut_error_mm * MM:
+            failures.append(Failure(course, point, "cut_width_mm", 2 * side / MM, reach / MM, row))
+        made.append(
+            CutMade(
+                station=line.station,
+                angle=line.angle,
+                ending=courses[line.ending].number if line.ending >= 0 else 0,
+                starting=courses[line.starting].number if line.starting >= 0 else 0,
+                knife=sweep.knife,
+                block=sweep.row + 1,
+                line=row,
+                error=error,
+                blade_error=turned,
+            )
+        )
+    return made, failures
+
+
+def _ledger(
+    trajectory: Trajectory,
+    courses: Sequence[Laid],
+    fresh: Sequence[bool],
+    edges: Sequence[float],
+    lines: Sequence[_Line],
+    made: Sequence[CutMade],
+    setup: Setup,
+) -> tuple[list[LedgerRow], list[Failure]]:
+    """Tape by course, and courses whose cuts lie closer than the angles allow."""
+    width, margin, reach = setup.tape.width_mm * MM, setup.head.scrap_margin_mm * MM, _reach(setup)
+    shared = {line.starting for line in lines if line.ending >= 0}
+    rows, failures, before = [], [], edges[0]
+    for index, course in enumerate(courses):
+        left = edges[index + 1] - before if fresh[index] else 0.0
+        gap = course.station - before - left
+        cot = 1 / np.tan(course.cut_angles[0])
+        turn = abs(cot) if fresh[index] else abs(1 / np.tan(courses[index - 1].cut_angles[1]) - cot)
+        one_line = not fresh[index] and turn * reach <= SAME_LINE
+        formula = 0.0 if one_line else width / 2 * turn + margin
+        knives = 0.0 if index in shared else gap - formula
+        if not knives >= -setup.verification.max_cut_error_mm * MM:
+            block = min(int(np.searchsorted(trajectory.times, course.begin)), len(trajectory) - 1)
+            line_number = int(trajectory.lines[block])
+            failures.append(Failure(course.number, 1, "waste_before_mm", gap / MM, formula / MM, line_number))
+        rows.append(
+            LedgerRow(
+                course=course.number,
+                length=course.length,
+                station=course.station,
+                waste_roll=left,
+                waste_formula=formula,
+                # What rounding leaves below the formula is no waste of the knives'.
+                waste_knives=max(knives, 0.0),
+                laying_stops=_stops(trajectory, course),
+                cuts=tuple(cut.block for cut in made if course.number in (cut.starting, cut.ending)),
+            )
+        )
+        before = course.station + course.length
+    return rows, failures
+
+
+def _stops(trajectory: Trajectory, course: Laid) -> int:
+    """Number of places where the tape rests while a course is laid."""
+    first, last = np.searchsorted(trajectory.times, [course.begin, course.end], side="right")
+    rows = np.arange(first, min(last, len(trajectory)))
+    rows = rows[trajectory.durations[rows] > 0.0]
+    u = trajectory.column("u")
+    rests = trajectory.positions[rows, u] == trajectory.begins(rows)[:, u]
+    return int(np.sum(np.diff(rests.astype(np.int8), prepend=np.int8(0)) == 1))
+
+
+def _rolls(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[Failure]:
+    """Rolls from which more tape is drawn, up to knife 2 when it comes in and when it runs out, than they hold."""
+    u, stops = _fed(trajectory), np.flatnonzero(trajectory.events == Event.STOP) + 1
+    known = int(np.argmin(np.isnan(u)))
+    knives = machine.forward_all(np.zeros((1, len(machine.axes))), ("knife_1", "knife_2"))
+    pitch = float(np.linalg.norm(knives["knife_1"][0, :3, 3] - knives["knife_2"][0, :3, 3]))
+    failures = []
+    for first, last in zip([known, *stops], [*stops, len(u)], strict=True):
+        used = u[first:last] - u[first] + pitch
+        empty = np.flatnonzero(~(used <= setup.tape.roll_length_m + ROLL_DIGIT))
+        if len(empty):
+            line = int(trajectory.lines[max(first + int(empty[0]) - 1, 0)])
+            failures.append(Failure(0, 0, "roll_used_m", float(np.max(used)), setup.tape.roll_length_m, line))
+    return failures
+
+
+def _shares(trajectory: Trajectory, courses: Sequence[Laid]) -> tuple[float, float, float]:
+    """Seconds that the program lays, threads, and does everything else."""
+    laying = sum(course.end - course.begin for course in courses)
+    outside = trajectory.kinds == Kind.LINEAR
+    for course in courses:
+        first, last = np.searchsorted(trajectory.times, [course.begin, course.end], side="right")
+        outside[first:last] = False
+    rows = np.flatnonzero(outside)
+    u = trajectory.column("u")
+    fed = trajectory.positions[rows, u] != trajectory.begins(rows)[:, u]
+    threading = float(np.sum(trajectory.durations[rows[fed]]))
+    return laying, threading, trajectory.duration - laying - threading

@@ -1,0 +1,159 @@
+"""Evidence: every number that verification measured on a program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Ints, Mask, Rows
+from tapelayer.verification.failures import Findings
+
+
+@dataclass(frozen=True, eq=False)
+class Samples(Rows):
+    """What was measured along the courses; rows are samples in laying order.
+
+    Attributes:
+        courses: (n,) index of the course.
+        arc_lengths: (n,) metres along the course, by the tape fed.
+        times: (n,) seconds from the program's start.
+        nips: (n, 3) the course's point under the nip, `machine` axes, metres.
+        normal_errors: (n,) contact off the course along the normal, metres.
+        lateral_errors: (n,) contact off the course along the surface, across the travel, metres.
+        tape_errors: (n,) nip ahead of the tape fed, metres.
+        tilts: (n,) roller axis out of the tangent plane, radians.
+        heading_errors: (n,) roller axis off square to the travel, in the tangent plane, radians.
+        pitches: (n,) angle between head normal and surface normal that the round roller takes up, radians.
+        wraps: (n,) angle of the nip round the roller, radians.
+        offsets: (n,) roller centre off its exact place, metres.
+        block_ends: (n,) True where a block ends, False between.
+    """
+
+    EMPTY: ClassVar = {"courses": np.zeros(0, np.int64), "nips": np.zeros((0, 3)), "block_ends": np.zeros(0, np.bool_)}
+
+    courses: Ints
+    arc_lengths: Floats
+    times: Floats
+    nips: Floats
+    normal_errors: Floats
+    lateral_errors: Floats
+    tape_errors: Floats
+    tilts: Floats
+    heading_errors: Floats
+    pitches: Floats
+    wraps: Floats
+    offsets: Floats
+    block_ends: Mask
+
+    @property
+    def position_errors(self) -> Floats:
+        """Distance (n,) of the contact from the course, in the plane across the travel, metres."""
+        errors: Floats = np.hypot(self.normal_errors, self.lateral_errors)
+        return errors
+
+
+@dataclass(frozen=True)
+class CutMade:
+    """A cut that the courses ask for, as the program makes it.
+
+    Attributes:
+        station: where its line meets the tape's centre line, metres.
+        angle: radians from travel towards the left.
+        ending: number of the course whose end it is, 0 for none.
+        starting: number of the course whose start it is, 0 for none.
+        knife: 1 or 2.
+        block: number (from 1) of the block that puts the knife down.
+        line: line of the program (from 1) with that block, 0 where it was not read.
+        error: largest distance of the knife from the line, metres.
+        blade_error: largest angle between blade and line, radians.
+    """
+
+    station: float
+    angle: float
+    ending: int
+    starting: int
+    knife: int
+    block: int
+    line: int
+    error: float
+    blade_error: float
+
+
+@dataclass(frozen=True)
+class LedgerRow:
+    """A course's tape, in metres.
+
+    Attributes:
+        course: its number in the file.
+        length: laid.
+        station: of its start on the tape.
+        waste_roll: left between knife and nip for a new roll before it.
+        waste_formula: before it, that the angles and the scrap margin ask for.
+        waste_knives: before it, until every sweep finds a free knife.
+        laying_stops: places where the tape rests while it is laid.
+        cuts: blocks (from 1) that put a knife down for its two ends.
+    """
+
+    course: int
+    length: float
+    station: float
+    waste_roll: float
+    waste_formula: float
+    waste_knives: float
+    laying_stops: int
+    cuts: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class TapeLedger:
+    """What becomes of the tape.
+
+    Attributes:
+        rows: by course.
+        cuts: in the order of the tape.
+        used: metres from the first leading edge to the last course's end.
+        laying: seconds with the shoe down.
+        threading: seconds of feeding with the shoe up.
+        linking: seconds of everything else.
+    """
+
+    rows: tuple[LedgerRow, ...]
+    cuts: tuple[CutMade, ...]
+    used: float
+    laying: float
+    threading: float
+    linking: float
+
+    @property
+    def waste(self) -> float:
+        """Tape used and not laid, in metres."""
+        return self.used - sum(row.length for row in self.rows)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evidence(Findings):
+    """Every number that was measured on a tape-laying program, in metres, radians and seconds.
+
+    Attributes:
+        courses: courses in the file.
+        points: points in the file.
+        laid_length: of all courses.
+        tape_taken_back: longest run of the tape backwards between courses.
+        least_link_clearance: of the roller above the highest course point, while the head goes from course to course.
+        samples: along the courses, at blocks and between.
+        tape_width: metres.
+        roller_radius: metres.
+        tape: the tape's ledger.
+    """
+
+    courses: int
+    points: int
+    laid_length: float
+    tape_taken_back: float
+    least_link_clearance: float
+    samples: Samples
+    tape_width: float
+    roller_radius: float
+    tape: TapeLedger

@@ -1,0 +1,202 @@
+"""Linearisation: how few blocks, straight in joint space, follow a course within the tolerances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Mask
+from tapelayer.errors import PoseUndefined
+from tapelayer.geometry.toolpath import Curve, Toolpath
+from tapelayer.machines import gantry
+
+# A block is tried against the course at these fractions; its own ends are on the course.
+TRIED = (np.arange(5) + 1.0) / 6.0
+# Blocks are laid out for part of the tolerance, so that few have to be split when they are tried.
+LAYOUT_SHARE = 0.8
+SHORTEST_BLOCK = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """The gantry along a course.
+
+    Attributes:
+        arc_lengths: (n,) metres along the course.
+        joints: (n, 5) x y z c a in metres and radians, c unwrapped.
+        wrap: (n,) angle of the nip round the roller, radians, positive climbing.
+    """
+
+    arc_lengths: Floats
+    joints: Floats
+    wrap: Floats
+
+
+class CourseMotion:
+    """A course as the gantry moves along it.
+
+    Args:
+        toolpath: in `machine` axes.
+        lengths: of the head.
+        kinematics: the closed form in use.
+        wrap_radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
+
+    Attributes:
+        curve: of the course.
+        at_points: poses at the file's points.
+
+    Raises:
+        PoseUndefined: a point has no roller pose.
+    """
+
+    def __init__(
+        self, toolpath: Toolpath, lengths: gantry.Lengths, kinematics: gantry.Kinematics, wrap_radius: float
+    ) -> None:
+        self.toolpath = toolpath
+        self.curve = Curve(toolpath)
+        self.wrap_radius = wrap_radius
+        self._lengths = lengths
+        self._form = gantry.form(lengths, kinematics, toolpath.points[0], toolpath.points[-1])
+        # The exact form leads the roller's centre over the surface and holds its axis; the paper's leads its nose.
+        self._exact = kinematics == "roller"
+        self._lift = lengths.radius if self._exact else 0.0
+        joints, wrap = self._solve(self.curve.knots, *self.curve.at_knots())
+        joints[:, 3] = np.unwrap(joints[:, 3])
+        self.at_points = Poses(self.curve.knots, joints, wrap)
+
+    def poses(self, arc_lengths: Floats) -> Poses:
+        """Poses at (n,) arc lengths in metres, increasing.
+
+        Raises:
+            PoseUndefined: a point has no roller pose.
+        """
+        joints, wrap = self._solve(arc_lengths, *self.curve.at(arc_lengths))
+        # Every sample goes to the turn of the file's points around it.
+        near = np.interp(arc_lengths, self.curve.knots, self.at_points.joints[:, 3])
+        joints[:, 3] += np.round((near - joints[:, 3]) / (2 * np.pi)) * (2 * np.pi)
+        return Poses(arc_lengths, joints, wrap)
+
+    def _solve(self, arc_lengths: Floats, points: Floats, normals: Floats, tangents: Floats) -> tuple[Floats, Floats]:
+        joints = self._form.joints(points, normals, tangents)
+        lost = np.flatnonzero(~np.all(np.isfinite(joints), axis=1))
+        if len(lost):
+            point = self.point(float(arc_lengths[lost[0]]))
+            raise PoseUndefined(
+                f"course {self.toolpath.number} point {point}: the roller has no pose here, because the path runs "
+                "along the normal or the roller axis would be vertical; expected a path that lies on the surface"
+            )
+        return joints, gantry.wrap(joints, tangents)
+
+    def deviations(self, joints: Floats, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
+        """How far joint values (n, 5) are from the course at (n,) arc lengths.
+
+        Returns:
+            (n,) tool point, metres; (n,) roller axis, radians; (n,) wrap angles at these joint values, radians.
+        """
+        points, normals, tangents = self.curve.at(arc_lengths)
+        shift = gantry.tool_points(self._lengths, self._lengths.l6 - self._lift, joints) - points - self._lift * normals
+        wraps = gantry.wrap(joints, tangents)
+        if not self._exact:
+            return _norms(shift), np.zeros(len(joints)), wraps
+        square = np.cross(tangents, normals)
+        turn = gantry.roller_axes(joints) - square / _norms(square)[:, None]
+        return _norms(shift), _norms(turn), wraps
+
+    def effects(self, joints: Floats, changes: Floats) -> tuple[Floats, Floats]:
+        """What small changes (n, 5) of joint values (n, 5) do: (n,) to the tool point, (n,) to the roller axis."""
+        shift, turn = gantry.tool_effects(self._lengths, self._lengths.l6 - self._lift, joints, changes)
+        return _norms(shift), _norms(turn) if self._exact else np.zeros(len(joints))
+
+    def point(self, arc_length: float) -> int:
+        """Number (from 1) of the file's point nearest to an arc length in metres."""
+        return int(np.argmin(np.abs(self.curve.knots - arc_length))) + 1
+
+
+def block_ends(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Poses:
+    """Poses at the block ends of a course, from its start to its end.
+
+    Args:
+        motion: the course.
+        tolerance: how far the contact may leave the course between block ends, metres.
+        axis_tolerance: how far the roller axis may leave its direction, radians.
+
+    Raises:
+        PoseUndefined: a point has no roller pose, or the tolerances cannot be kept by any block.
+    """
+    ends = _laid_out(motion, tolerance, axis_tolerance)
+    poses = motion.poses(ends)
+    while True:
+        off = ~(_excess(motion, poses, tolerance, axis_tolerance) <= 1.0)
+        if not np.any(off):
+            return poses
+        poses = motion.poses(_split(motion, poses.arc_lengths, off))
+
+
+def _laid_out(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Floats:
+    """Block ends by the chord-error law: over a length h the error is (h^2 / 8) times the second derivative."""
+    knots = motion.curve.knots
+    share = _chord_load(motion, tolerance * LAYOUT_SHARE, axis_tolerance * LAYOUT_SHARE) * np.diff(knots)
+    pieces = np.maximum(np.ceil(share), 1.0).astype(np.int64)
+    first = np.repeat(np.arange(len(pieces)), pieces)
+    part = (np.arange(len(first)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[first]
+    candidates = np.append(knots[first] + part * np.diff(knots)[first], knots[-1])
+    load = np.concatenate([[0.0], np.cumsum((share / pieces)[first])])
+    # A block ends at the last candidate before its load is full.
+    spent = np.floor(load[1:-1])
+    return np.concatenate([knots[:1], candidates[1:-2][spent[1:] > spent[:-1]], knots[-1:]])
+
+
+def _chord_load(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Floats:
+    """Blocks needed per metre in each interval between the file's points, (n - 1,)."""
+    knots = motion.curve.knots
+    if len(knots) < 3:
+        return np.zeros(len(knots) - 1)
+    poses, steps = motion.at_points, np.diff(knots)
+    between_middles = (steps[1:] + steps[:-1]) / 2
+    bends = np.diff(np.diff(poses.joints, axis=0) / steps[:, None], axis=0) / between_middles[:, None]
+    shift, turn = motion.effects(poses.joints[1:-1], bends)
+    feed = motion.wrap_radius * np.abs(np.diff(np.diff(poses.wrap) / steps) / between_middles)
+    load: Floats = np.sqrt(np.maximum(np.maximum(shift, feed) / tolerance, turn / axis_tolerance) / 8)
+    either: Floats = np.maximum(np.append(load[0], load), np.append(load, load[-1]))
+    return either
+
+
+def _excess(motion: CourseMotion, poses: Poses, tolerance: float, axis_tolerance: float) -> Floats:
+    """Largest deviation of each block, (n - 1,), in shares of the tolerances."""
+    begin, end = poses.arc_lengths[:-1, None], poses.arc_lengths[1:, None]
+    arc_lengths = (begin + TRIED * (end - begin)).ravel()
+    joints = _between(poses.joints)
+    shift, turn, wraps = motion.deviations(joints, arc_lengths)
+    feed = motion.wrap_radius * np.abs(_between(poses.wrap[:, None])[:, 0] - wraps)
+    excess = np.maximum(np.maximum(shift, feed) / tolerance, turn / axis_tolerance)
+    worst: Floats = np.max(excess.reshape(-1, len(TRIED)), axis=1)
+    return worst
+
+
+def _between(rows: Floats) -> Floats:
+    """Rows (m, k) on the straight lines between consecutive rows (n, k), at the tried fractions."""
+    inner = rows[:-1, None, :] + TRIED[None, :, None] * np.diff(rows, axis=0)[:, None, :]
+    return inner.reshape(-1, rows.shape[1])
+
+
+def _split(motion: CourseMotion, ends: Floats, off: Mask) -> Floats:
+    """Block ends with each block that is off split at the file's point nearest its middle, or in its middle."""
+    begin, end = ends[:-1][off], ends[1:][off]
+    if np.any(end - begin < SHORTEST_BLOCK):
+        worst = float(begin[np.argmin(end - begin)])
+        raise PoseUndefined(
+            f"course {motion.toolpath.number} point {motion.point(worst)}: no block is short enough to keep the "
+            "tolerances here; the path or its normals have a kink"
+        )
+    middle = (begin + end) / 2
+    knots = motion.curve.knots
+    after = np.clip(np.searchsorted(knots, middle), 1, len(knots) - 1)
+    nearest = np.where(middle - knots[after - 1] < knots[after] - middle, knots[after - 1], knots[after])
+    usable = np.abs(nearest - middle) < (end - begin) / 4
+    return np.union1d(ends, np.where(usable, nearest, middle))
+
+
+def _norms(vectors: Floats) -> Floats:
+    lengths: Floats = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return lengths

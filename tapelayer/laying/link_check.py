@@ -1,0 +1,356 @@
+"""Sequence: what the head does between the layings, and where its words stand, against what the courses ask for.
+
+The head links to each course over the part, plunges, lays, runs out, retracts; the heater and the auxiliary roller are
+switched at their places along the course.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Ints, Mask
+from tapelayer.laying.cut_check import Laid
+from tapelayer.laying.evidence import Samples
+from tapelayer.machines import gantry
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.setups.sections import MM, Setup
+from tapelayer.verification.failures import FEED_DIGITS, Failure
+
+# Rounded feeds shift a word's effect against the motion by no more than this share of its delay.
+DELAY_DIGITS = 2e-5
+# The heater is switched as exactly as this, in seconds.
+HEATER_TIME = 1e-3
+# Two moments so near to each other, in seconds, can be one, however the times before them are rounded.
+SAME_TIME = 1e-3
+# A straight way is at its end so near to it, in metres; blocks are written to a micrometre in each axis.
+REACHED = 5e-6
+# A link's block is looked at here.
+LOOKED_AT = np.linspace(0.0, 1.0, 9)
+
+
+def judge_sequence(
+    trajectory: Trajectory,
+    courses: Sequence[Laid],
+    samples: Samples,
+    highest: float,
+    setup: Setup,
+    machine: Machine,
+    digits: Floats,
+) -> tuple[float, list[Failure]]:
+    """Least clearance of the roller over the part on its way from course to course, metres, and what fails.
+
+    Args:
+        trajectory: planned, or read back from a program; every axis stated before the first feed.
+        courses: as the program lays them, in order; one at least.
+        samples: along these courses.
+        highest: z of the highest course point, `machine` axes, metres.
+        setup: the job's values.
+        machine: the gantry, with the setup's limits already in it.
+        digits: (k,) last written digit of each axis, metres and radians; 0 where there is none.
+    """
+    judge = _Judge(trajectory, courses, samples, highest, setup, machine, digits)
+    judge.heater()
+    for gap in judge.gaps():
+        up, down = 0, len(gap.rows)
+        if gap.behind >= 0:
+            judge.auxiliary_roller(gap)
+            up = judge.retract(gap, judge.run_out(gap))
+        if gap.behind + 1 < len(courses):
+            down = judge.plunge(gap)
+        judge.link(gap, up, max(up, down))
+        judge.threading(gap)
+    return judge.least_clearance, judge.failures
+
+
+@dataclass(frozen=True, eq=False)
+class _Gap:
+    """The blocks between two layings, before the first, or after the last.
+
+    Attributes:
+        behind: index of the course before it, -1 for none.
+        first: the first of the blocks, of the first gap the first that knows where it begins.
+        rows: (m,) the blocks.
+        times: (m + 1,) seconds at their begin and ends.
+        steps: (m, k) changes of the joints in them, metres and radians.
+        centres: (m + 1, 3) roller centres at their begin and ends, `machine` axes, metres.
+        normals: (m + 1, 3) head normals there.
+        moves: (m,) True where the head moves.
+        turns: (m,) True where it turns.
+        lowest: (m, 9) the roller's lowest point above the highest course point, metres, where a block is looked at.
+        top: (m, 9) True where the head is at the end of its travel.
+    """
+
+    behind: int
+    first: int
+    rows: Ints
+    times: Floats
+    steps: Floats
+    centres: Floats
+    normals: Floats
+    moves: Mask
+    turns: Mask
+    lowest: Floats
+    top: Mask
+
+    def block(self, place: int) -> int:
+        """The block at a place of the gap, or the one around it where the place is beyond."""
+        return int(self.first + place)
+
+
+class _Judge:
+    """A trajectory and its courses, with what they have to keep, and what they fail in so far."""
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        courses: Sequence[Laid],
+        samples: Samples,
+        highest: float,
+        setup: Setup,
+        machine: Machine,
+        digits: Floats,
+    ) -> None:
+        self.trajectory, self.courses, self.samples, self.highest = trajectory, courses, samples, highest
+        self.machine, self.digits = machine, digits
+        head, process, limits = setup.head, setup.process, setup.verification
+        self.delays, self.heater_stop = head.delays_ms, head.heater_stop_s
+        self.roller_words = {
+            event: self._words(event, self.delays.roller) for event in (Event.ROLLER_DOWN, Event.ROLLER_UP)
+        }
+        self.lag = head.aux_roller_lag_mm * MM
+        self.run_out_length = self.lag if head.run_out == "tangent" else 0.0
+        self.approach = process.approach_mm * MM
+        wanted = process.approach_mm if process.link_clearance_mm is None else process.link_clearance_mm
+        self.clearance = wanted * MM
+        self.lay_speed, self.thread_speed = process.lay_speed_mm_per_s * MM, process.thread_speed_mm_per_s * MM
+        self.roller_radius, self.half_width = gantry.lengths(machine).radius, setup.tape.width_mm / 2 * MM
+        self.off, self.tape_off = limits.max_position_error_mm * MM, limits.max_tape_error_mm * MM
+        self.pose = [trajectory.column(name) for name in "xyzca"]
+        self.sideways = [trajectory.column(name) for name in "xyca"]
+        self.u, self.z = trajectory.column("u"), trajectory.column("z")
+        self.least_clearance = np.inf
+        self.failures: list[Failure] = []
+
+    def fail(self, course: int, what: str, value: float, limit: float, block: int) -> None:
+        """Note what a course, by its index, fails in, and the block where it shows."""
+        line = int(self.trajectory.lines[min(block, len(self.trajectory) - 1)])
+        self.failures.append(Failure(self.courses[course].number, 0, what, float(value), float(limit), line))
+
+    def heater(self) -> None:
+        """The heater is on from a course's start to its end, but for stops longer than it may be."""
+        begins, ends, sure = self._rests()
+        allowed = ends - begins > self.heater_stop - HEATER_TIME
+        needed = sure & (ends - begins > self.heater_stop + HEATER_TIME)
+        for event, name, courses, rests in (
+            (Event.HEATER_ON, "heater_on", [course.begin for course in self.courses], ends),
+            (Event.HEATER_OFF, "heater_off", [course.end for course in self.courses], begins),
+        ):
+            words, effects = self._words(event, self.delays.heater)
+            apart = _apart(effects, np.append(courses, rests[allowed]))
+            for word in np.flatnonzero(~(apart <= HEATER_TIME)).tolist():
+                course = self._course(effects[word])
+                self.fail(course, f"{name}_astray_ms", apart[word] * 1e3, HEATER_TIME * 1e3, int(words[word]))
+            places = np.append(courses, rests[needed])
+            for place in places[~(_apart(places, effects) <= HEATER_TIME)].tolist():
+                block = int(np.searchsorted(self.trajectory.times, place, side="right"))
+                self.fail(self._course(place), f"{name}_words", 0, 1, block)
+
+    def _words(self, event: Event, delay: float) -> tuple[Ints, Floats]:
+        """Blocks (w,) of an event's words, and the seconds (w,) at which they take effect, `delay` ms later."""
+        words = np.flatnonzero(self.trajectory.events == event)
+        return words, self.trajectory.times[words] + delay * 1e-3
+
+    def _course(self, time: float) -> int:
+        """Index of the course that is laid at a time, or is the next one to be; the last after all."""
+        ends = [course.end for course in self.courses]
+        return min(int(np.searchsorted(ends, time)), len(ends) - 1)
+
+    def _rests(self) -> tuple[Floats, Floats, Mask]:
+        """Seconds (r,) at which the tape comes to rest while courses are laid, and (r,) at which it goes on.
+
+        Tape that creeps can seem to rest where its words are rounded: False (r,) where it creeps before or after.
+        """
+        trajectory, rests = self.trajectory, [np.zeros((3, 0))]
+        for course in self.courses:
+            first, last = np.searchsorted(trajectory.times, [course.begin, course.end], side="right")
+            rows = np.arange(first, min(last + 1, len(trajectory)))
+            fed = np.abs(trajectory.positions[rows, self.u] - trajectory.begins(rows)[:, self.u])
+            creeps = (fed > 0.0) & (fed * HEATER_TIME < self.digits[self.u] * trajectory.durations[rows])
+            creeps = np.concatenate([[False], creeps, [False]])
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], (fed == 0.0).astype(np.int8), [0]]))).reshape(-1, 2).T
+            borders = np.minimum(np.append(course.begin, trajectory.times[rows]), course.end)
+            rests.append(np.vstack([borders[edges], ~(creeps[edges[0]] | creeps[edges[1] + 1])]))
+        begins, ends, sure = np.hstack(rests)
+        return begins, ends, sure > 0.0
+
+    def gaps(self) -> Iterable[_Gap]:
+        """What stands before, between and after the layings."""
+        trajectory, slack = self.trajectory, DELAY_DIGITS * self.delays.shoe * 1e-3
+        # The way to where every axis is stated comes from nowhere.
+        known = int(np.argmin(np.any(np.isnan(trajectory.positions), axis=1))) + 1
+        ends, begins = [course.end + slack for course in self.courses], [c.begin + slack for c in self.courses]
+        firsts = np.append(known, np.searchsorted(trajectory.times, ends, side="right"))
+        lasts = np.append(np.searchsorted(trajectory.times, begins, side="right"), len(trajectory))
+        nodes = [
+            np.arange(first - 1, max(first, last)) for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True)
+        ]
+        # The chain is walked once for all gaps: a walk costs more than the few samples of a gap.
+        borders = np.cumsum([len(places) for places in nodes])[:-1]
+        pose = self.machine.columns(trajectory.positions[np.concatenate(nodes)], "roller")
+        centres = np.split(np.stack(np.broadcast_arrays(*pose.translation), axis=1), borders)
+        normals = np.split(np.stack(np.broadcast_arrays(*(row[2] for row in pose.rotation)), axis=1), borders)
+        rows = np.concatenate([places[1:] for places in nodes])
+        borders = np.cumsum([len(places) - 1 for places in nodes])[:-1]
+        above, at_top = self._lowest(rows)
+        lowest, top = np.split(above, borders), np.split(at_top, borders)
+        for gap, places in enumerate(nodes):
+            steps = np.diff(trajectory.positions[places], axis=0)
+            yield _Gap(
+                behind=gap - 1,
+                first=int(firsts[gap]),
+                rows=places[1:],
+                times=trajectory.times[places],
+                steps=steps,
+                centres=centres[gap],
+                normals=normals[gap],
+                moves=np.any(steps[:, self.pose] != 0.0, axis=1),
+                turns=np.any(steps[:, self.pose[3:]] != 0.0, axis=1),
+                lowest=lowest[gap],
+                top=top[gap],
+            )
+
+    def _lowest(self, rows: Ints) -> tuple[Floats, Mask]:
+        """Where blocks (m,) are looked at: metres (m, 9) above the part, and True (m, 9) at the end of the travel."""
+        blocks, shares = np.repeat(rows, len(LOOKED_AT)), np.tile(LOOKED_AT, len(rows))
+        joints = self.trajectory.within(blocks, shares)
+        pose = self.machine.columns(joints, "roller")
+        edge = self.half_width * np.abs(pose.rotation[2][1])
+        lowest = np.broadcast_to(pose.translation[2] - self.roller_radius - edge - self.highest, len(joints))
+        top = joints[:, self.z] <= self.machine.axes[self.z].lower + self.digits[self.z]
+        return lowest.reshape(-1, len(LOOKED_AT)), top.reshape(-1, len(LOOKED_AT))
+
+    def auxiliary_roller(self, gap: _Gap) -> None:
+        """The auxiliary roller goes down behind the course's start and up behind its end, each by its lag."""
+        laid = self.courses[gap.behind]
+        first, last = np.searchsorted(self.samples.courses, [gap.behind, gap.behind + 1])
+        # How far the roller has come, over times: along the course, then beyond its end.
+        beyond = np.linalg.norm(gap.centres - gap.centres[0], axis=1)
+        times = np.append(self.samples.times[first:last], gap.times)
+        path = np.append(self.samples.arc_lengths[first:last], self.samples.arc_lengths[last - 1] + beyond)
+        following = self.courses[gap.behind + 1].begin if gap.behind + 1 < len(self.courses) else np.inf
+        for event, name, place in (
+            (Event.ROLLER_DOWN, "down", min(self.lag, laid.length + self.run_out_length)),
+            (Event.ROLLER_UP, "up", laid.length + self.run_out_length),
+        ):
+            words, effects = self.roller_words[event]
+            own = np.flatnonzero((effects > laid.begin - SAME_TIME) & (effects < following - SAME_TIME))
+            if len(own) != 1:
+                block = int(words[own[-1]]) if len(own) else gap.first
+                self.fail(gap.behind, f"auxiliary_roller_{name}_words", len(own), 1, block)
+                continue
+            at = float(np.interp(effects[own[0]], times, path))
+            if not abs(at - place) <= self.tape_off:
+                self.fail(gap.behind, f"auxiliary_roller_{name}_mm", at / MM, place / MM, int(words[own[0]]))
+
+    def run_out(self, gap: _Gap) -> int:
+        """Behind its end the head goes on along the tangent; number of the gap's blocks that do it."""
+        out = self.courses[gap.behind].out
+        gone, count = self._straight(gap, gap.behind, range(len(gap.rows)), out, self.run_out_length)
+        if not abs(gone - self.run_out_length) <= self.tape_off:
+            self.fail(gap.behind, "run_out_mm", gone / MM, self.run_out_length / MM, gap.block(count))
+        return count
+
+    def retract(self, gap: _Gap, first: int) -> int:
+        """From a place on the head goes up along its normal; number of the gap's blocks until it has."""
+        places = range(first, len(gap.rows))
+        gone, count = self._straight(gap, gap.behind, places, gap.normals[first], self.approach)
+        if not gone >= self.approach - self.off:
+            self.fail(gap.behind, "retract_mm", gone / MM, self.approach / MM, gap.block(first + count))
+        return first + count
+
+    def plunge(self, gap: _Gap) -> int:
+        """At its end the head comes down along its normal; number of the gap's blocks before it does."""
+        last, course = len(gap.rows), gap.behind + 1
+        gone, count = self._straight(gap, course, range(last - 1, -1, -1), -gap.normals[last], self.approach)
+        if not gone >= self.approach - self.off:
+            self.fail(course, "plunge_mm", gone / MM, self.approach / MM, gap.block(last - 1 - count))
+        return last - count
+
+    def _straight(self, gap: _Gap, course: int, places: range, direction: Floats, length: float) -> tuple[float, int]:
+        """How far the head goes by feed along a direction, without turning, until it has gone `length`.
+
+        Args:
+            gap: where.
+            course: index of the course that it is done for.
+            places: of the gap's blocks, in the order in which they are looked at.
+            direction: (3,) unit, `machine` axes.
+            length: metres.
+
+        Returns:
+            Metres, and the number of blocks.
+        """
+        gone, count = 0.0, 0
+        for place in places:
+            if gone >= length - REACHED:
+                break
+            if gap.moves[place]:
+                block = int(gap.rows[place])
+                way = gap.centres[place + 1] - gap.centres[place]
+                along = float(way @ direction)
+                straight = along > 0.0 and float(np.linalg.norm(way - along * direction)) <= self.off
+                if not straight or gap.turns[place] or self.trajectory.kinds[block] != Kind.LINEAR:
+                    break
+                least = (along - 2 * float(np.max(self.digits[self.pose[:3]]))) / (self.lay_speed * (1 + FEED_DIGITS))
+                if not self.trajectory.durations[block] >= least:
+                    speed = along / self.trajectory.durations[block]
+                    self.fail(course, "approach_speed_mm_per_s", speed / MM, self.lay_speed / MM, block)
+                gone += along
+            count += 1
+        return gone, count
+
+    def link(self, gap: _Gap, first: int, last: int) -> None:
+        """From place `first` to `last` of a gap the head turns and goes sideways only over the part."""
+        over = np.flatnonzero(np.any(gap.steps[first:last][:, self.sideways] != 0.0, axis=1)) + first
+        blocks = np.repeat(gap.rows[over], len(LOOKED_AT))
+        lowest, top = gap.lowest[over].ravel(), gap.top[over].ravel()
+        if len(over):
+            self.least_clearance = min(self.least_clearance, float(np.min(lowest)))
+        if gap.behind < 0 and len(gap.rows):
+            # The way to where every axis is stated first is over the part where it ends.
+            blocks = np.append(blocks, gap.rows[0] - 1)
+            lowest, top = np.append(lowest, gap.lowest[0, 0]), np.append(top, gap.top[0, 0])
+        if not len(blocks):
+            return
+        # At the end of its travel the head can go no higher.
+        wanted = np.where(top, 0.0, self.clearance)
+        worst = int(np.argmax(wanted - lowest))
+        if not lowest[worst] >= wanted[worst] - REACHED:
+            course = min(gap.behind + 1, len(self.courses) - 1)
+            self.fail(course, "link_clearance_mm", lowest[worst] / MM, wanted[worst] / MM, int(blocks[worst]))
+
+    def threading(self, gap: _Gap) -> None:
+        """In the air the tape and the knives move by feed, and the tape no faster than it is threaded."""
+        course = min(gap.behind + 1, len(self.courses) - 1)
+        head = gap.steps.copy()
+        head[:, self.pose] = 0.0
+        rapid = np.any(head != 0.0, axis=1) & (self.trajectory.kinds[gap.rows] == Kind.RAPID)
+        if np.any(rapid):
+            self.fail(course, "head_moves_in_rapids", np.sum(rapid), 0, gap.block(int(np.argmax(rapid))))
+        fed, limit = np.abs(gap.steps[:, self.u]) - self.digits[self.u], self.thread_speed * (1 + FEED_DIGITS)
+        quick = np.flatnonzero(~(fed <= limit * self.trajectory.durations[gap.rows]) & ~rapid)
+        if len(quick):
+            block = gap.block(int(quick[0]))
+            speed = fed[quick[0]] / self.trajectory.durations[block]
+            self.fail(course, "thread_speed_mm_per_s", speed / MM, self.thread_speed / MM, block)
+
+
+def _apart(values: Floats, places: Floats) -> Floats:
+    """Distance (n,) of values (n,) from the nearest of some places; infinite where there is none."""
+    ordered = np.concatenate([[-np.inf], np.sort(places), [np.inf]])
+    after = np.searchsorted(ordered[1:-1], values) + 1
+    distances: Floats = np.minimum(ordered[after] - values, values - ordered[after - 1])
+    return distances

@@ -1,0 +1,455 @@
+"""Tape: the stations of the courses on the tape and the knives' work over them; it knows lengths, never seconds.
+
+A station is a length along the tape from its first leading edge towards the supply roll, u the station at knife 1;
+knife 2 stands `knife_pitch` upstream, at station u + `knife_pitch`. Across the tape, left of travel is positive.
+A cut at angle alpha is the line sigma(w) = sigma_0 + w cot(alpha), and while the tape feeds by du the knife crosses
+by du tan(alpha): everything the knives do is a piecewise linear function of u, with the tape at rest where it jumps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.laying.cut_assignment import LEAST_FEED, LEFT, MOVE_FEED, RIGHT, TOUCH, Head, Placed, place_courses
+
+
+class Step(IntEnum):
+    """What a step of the head does.
+
+    FEED: the tape feeds up to the step's u, slides and blades move with it in proportion. MOVE: the tape rests, a
+    raised knife goes to its next sweep's start. CUT: the tape rests, a lowered knife crosses it. DOWN, UP: the tape
+    rests, a knife goes down or up.
+    """
+
+    FEED = 0
+    MOVE = 1
+    CUT = 2
+    DOWN = 3
+    UP = 4
+
+
+class _Rows:
+    """Arrays that nobody changes after they are made."""
+
+    def __post_init__(self) -> None:
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, name, frozen(value))
+
+
+@dataclass(frozen=True, eq=False)
+class Cuts(_Rows):
+    """Cuts in the order of their stations, one row each; a shared cut is one row.
+
+    Attributes:
+        stations: (c,) metres, where the line meets the centre line.
+        angles: (c,) radians from travel towards the left, in (0, pi).
+        square: (c,) True where the tape rests during the sweep.
+        ending: (c,) index of the course whose end the cut is, -1 for none.
+        starting: (c,) index of the course whose start the cut is, -1 for none.
+        knives: (c,) the knife that makes it, 1 or 2.
+        u: (c, 2) metres, u at the sweep's start and end.
+        slides: (c, 2) metres, the slide (v or q) at the sweep's start and end.
+        blades: (c,) radians, the blade (d or e) during the sweep.
+    """
+
+    stations: Floats
+    angles: Floats
+    square: Mask
+    ending: Ints
+    starting: Ints
+    knives: Ints
+    u: Floats
+    slides: Floats
+    blades: Floats
+
+    def __len__(self) -> int:
+        """Number of cuts."""
+        return len(self.stations)
+
+
+@dataclass(frozen=True, eq=False)
+class Moves(_Rows):
+    """Moves of a raised knife from where a sweep left it to its next sweep's start, in the order of the cuts.
+
+    Attributes:
+        knives: (r,) 1 or 2.
+        cuts: (r,) index of the cut that the knife goes to.
+        u: (r, 2) metres, where the move begins and ends; equal where the tape waits for it.
+        slides: (r, 2) metres, the slide at both.
+        blades: (r, 2) radians, the blade at both.
+    """
+
+    knives: Ints
+    cuts: Ints
+    u: Floats
+    slides: Floats
+    blades: Floats
+
+    def __len__(self) -> int:
+        """Number of moves."""
+        return len(self.knives)
+
+
+@dataclass(frozen=True, eq=False)
+class Steps(_Rows):
+    """What the head does in order of u, each row once, the first time the tape gets there.
+
+    Row 0 is how the head stands at u = 0. The first row at every u is a FEED, so everything is linear between rows.
+
+    Attributes:
+        u: (s,) metres, never falling.
+        kinds: (s,) `Step` of each row.
+        knives: (s,) the knife that moves or switches, 0 for a FEED.
+        poses: (s, 4) v, d, q, e after the row, in metres and radians.
+        raised: (k,) rising numbers of rows after which no knife is down; the first is 0, the last is s.
+    """
+
+    u: Floats
+    kinds: NDArray[np.uint8]
+    knives: Ints
+    poses: Floats
+    raised: Ints
+
+    def __len__(self) -> int:
+        """Number of steps."""
+        return len(self.u)
+
+    def before(self, u: float) -> int:
+        """Number of rows that are done when the tape has only just come to `u` (metres)."""
+        return int(np.searchsorted(self.u, u - TOUCH, side="left"))
+
+    def through(self, u: float) -> int:
+        """Number of rows that are done when everything at `u` (metres) is done."""
+        return int(np.searchsorted(self.u, u + TOUCH, side="right"))
+
+    def settled(self, done: int) -> int:
+        """Least number of rows, from `done` on, after which no knife is down: the sweeps in progress are finished."""
+        return int(self.raised[np.searchsorted(self.raised, done)])
+
+    def rests(self, first: int, last: int) -> int:
+        """Number of places where the rows from `first` up to, not with, `last` make the tape wait."""
+        kinds = self.kinds[first:last]
+        return len(np.unique(self.u[first:last][(kinds == Step.MOVE) | (kinds == Step.CUT)]))
+
+    def at(self, u: Floats, done: Ints) -> Floats:
+        """Slides and blades (n, 4) at `u` with the first `done` rows done; tape taken back leaves them where they are.
+
+        Args:
+            u: (n,) metres.
+            done: (n,) number of rows done, from 1.
+        """
+        last, following = done - 1, np.minimum(done, len(self) - 1)
+        span = self.u[following] - self.u[last]
+        share = np.clip((u - self.u[last]) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
+        # A row at rest is an act of its own: the knives stand still until it is done.
+        share = np.where(span > 0.0, share, 0.0)[:, None]
+        poses: Floats = self.poses[last] + share * (self.poses[following] - self.poses[last])
+        return poses
+
+
+@dataclass(frozen=True, eq=False)
+class TapePlan(_Rows):
+    """A ply on the tape: where its courses lie, what is wasted before each, and who cuts it when.
+
+    The head's way through it, course by course: rows `changing` (only before a new roll: feed to the roll's u, change
+    it), rows `threading`, back or on to u = `begins`, shoe down, rows `laying` up to u = `ends`, shoe up. Rows after
+    the last course's are done with the head in the air.
+
+    Attributes:
+        head: the measures it was made for.
+        lengths: (n,) metres, laid length of each course.
+        stations: (n,) metres, station of each course's start.
+        rolls: (n,) number of each course's roll, from 0.
+        roll_u: (m,) metres, u at which each roll's leading edge stands at knife 1.
+        waste_roll: (n,) metres of tape before the course left between knife and nip for a roll change.
+        waste_formula: (n,) metres of tape before the course that the angles and the scrap margin ask for.
+        waste_knives: (n,) metres of tape before the course until every sweep finds a free knife.
+        course_cuts: (n, 2) index of the cut at each course's start and end.
+        cuts: the cuts.
+        moves: the raised moves between them.
+        steps: cuts and moves in order of u.
+        begins: (n,) metres, u with each course's first point under the nip.
+        ends: (n,) metres, u with each course's last point under the nip.
+        changing: (n, 2) first row and row after the last, done before the roll is changed for the course.
+        threading: (n, 2) the same, done while the course's tape is fed to the nip, before the shoe is down.
+        laying: (n, 2) the same, done while the course is laid.
+        threaded: (n,) metres, highest u of the threading; beyond `begins` where a sweep has to be finished first.
+        taken_back: (n,) metres of tape taken back before the course.
+    """
+
+    head: Head
+    lengths: Floats
+    stations: Floats
+    rolls: Ints
+    roll_u: Floats
+    waste_roll: Floats
+    waste_formula: Floats
+    waste_knives: Floats
+    course_cuts: Ints
+    cuts: Cuts
+    moves: Moves
+    steps: Steps
+    begins: Floats
+    ends: Floats
+    changing: Ints
+    threading: Ints
+    laying: Ints
+    threaded: Floats
+    taken_back: Floats
+
+    def __len__(self) -> int:
+        """Number of courses."""
+        return len(self.stations)
+
+    @property
+    def waste(self) -> Floats:
+        """Tape (n,) in metres that is wasted before each course."""
+        return self.waste_roll + self.waste_formula + self.waste_knives
+
+    @property
+    def used(self) -> float:
+        """Tape from the first leading edge to the last course's end, laid or wasted, in metres."""
+        return float(self.stations[-1] + self.lengths[-1])
+
+    @property
+    def waste_percent(self) -> float:
+        """Wasted part of the tape used, in percent."""
+        return 100.0 * float(np.sum(self.waste)) / self.used
+
+    @property
+    def laying_stops(self) -> Ints:
+        """Number (n,) of places where the tape waits while each course is laid."""
+        return np.array([self.steps.rests(first, last) for first, last in self.laying], dtype=np.int64)
+
+
+def plan_tape(
+    head: Head,
+    numbers: Sequence[int],
+    lengths: Floats,
+    cut_angles: Floats,
+    wraps: Floats,
+    turning_at_rest: frozenset[int] = frozenset(),
+) -> TapePlan:
+    """Put the courses of a ply on the tape and share their cuts out to the two knives.
+
+    A trailing cut and the next leading cut at one angle are one cut where a knife is free for what follows. Otherwise
+    each course starts at the smallest station, not below the formula's, at which both its sweeps find a free knife. Of
+    all ways to hand out the sweeps that reach these stations, the one with the fewest waits is taken, then the one with
+    the most feed to make raised moves in, then the one with the fewest crossings. A roll's leading edge counts as a
+    square cut that is never shared, and no sweep on it begins before it stands at knife 1.
+
+    Args:
+        head: the head's measures.
+        numbers: the n courses' numbers in their file, for the messages.
+        lengths: (n,) metres.
+        cut_angles: (n, 2) radians at the start and end, from travel towards the left.
+        wraps: (n, 2) metres by which the tape path from knife to nip is shorter than on a level surface (R beta, as
+            the nip has moved round the roller) at each course's start and end.
+        turning_at_rest: knives whose blade turns only while everything else stands still.
+
+    Raises:
+        TapeWiderThanTravel: a slide cannot reach the start and end of its sweeps.
+        BladesMeet: the knives cannot pass each other.
+        CutAngleTooSmall: a cut lies flatter to the tape than allowed.
+        CutsCross: a course's own two cut lines cross inside the tape.
+        CourseLongerThanRoll: a course needs more tape than a new roll holds.
+    """
+    count = len(numbers)
+    if not count or lengths.shape != (count,) or cut_angles.shape != (count, 2) or wraps.shape != (count, 2):
+        raise ValueError(
+            f"{count} courses do not fit {lengths.shape} lengths, {cut_angles.shape} cut angles, {wraps.shape} wraps"
+        )
+    placed = place_courses(head, numbers, lengths, cut_angles, wraps)
+    cuts, moves = _work(head, placed)
+    steps = _steps(head, cuts, moves, turning_at_rest)
+    begins = placed.stations + head.knife_to_nip - wraps[:, 0]
+    ends = placed.stations + lengths + head.knife_to_nip - wraps[:, 1]
+    passes = _passes(steps, begins, ends, placed.rolls, placed.roll_u)
+    return TapePlan(
+        head=head,
+        lengths=lengths,
+        stations=placed.stations,
+        rolls=placed.rolls,
+        roll_u=placed.roll_u,
+        waste_roll=placed.waste[:, 0],
+        waste_formula=placed.waste[:, 1],
+        waste_knives=placed.waste[:, 2],
+        course_cuts=placed.course_cuts,
+        cuts=cuts,
+        moves=moves,
+        steps=steps,
+        begins=begins,
+        ends=ends,
+        changing=passes.changing,
+        threading=passes.threading,
+        laying=passes.laying,
+        threaded=passes.threaded,
+        taken_back=passes.taken_back,
+    )
+
+
+def _work(head: Head, placed: Placed) -> tuple[Cuts, Moves]:
+    """The cuts with the sweeps that make them, and the raised moves between the sweeps."""
+    count = len(placed.made)
+    ending, starting = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
+    starting[placed.course_cuts[:, 0]] = np.arange(len(placed.stations))
+    ending[placed.course_cuts[:, 1]] = np.arange(len(placed.stations))
+    side = np.array([made.start for made in placed.made])
+    cuts = Cuts(
+        stations=placed.cut_stations,
+        angles=placed.cut_angles,
+        square=placed.square,
+        ending=ending,
+        starting=starting,
+        knives=np.array([made.knife + 1 for made in placed.made]),
+        u=np.array([(made.begin, made.end) for made in placed.made]),
+        slides=head.reach * np.column_stack([side, -side]),
+        blades=np.array([made.blade for made in placed.made]),
+    )
+    moved = [
+        cut for cut, made in enumerate(placed.made) if (made.left_side, made.left_blade) != (made.start, made.blade)
+    ]
+    left = np.array([(made.left_u, made.left_side, made.left_blade) for made in placed.made])[moved]
+    begin = cuts.u[moved, 0]
+    waits = begin - left[:, 0] <= LEAST_FEED
+    moves = Moves(
+        knives=cuts.knives[moved],
+        cuts=np.array(moved, dtype=np.int64),
+        u=np.column_stack([np.where(waits, begin, np.maximum(left[:, 0], begin - MOVE_FEED)), begin]),
+        slides=np.column_stack([head.reach * left[:, 1], cuts.slides[moved, 0]]),
+        blades=np.column_stack([left[:, 2], cuts.blades[moved]]),
+    )
+    return cuts, moves
+
+
+class _Node(NamedTuple):
+    """A knife (0 or 1) at a place of its way: u, slide and blade there, and how it got there."""
+
+    u: float
+    kind: Step
+    slide: float
+    blade: float
+
+
+def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int, turns_at_rest: bool) -> list[_Node]:
+    """A knife's way through the ply, in order; a blade that turns at rest does so at the end of its slide's move."""
+    own = np.flatnonzero(cuts.knives == knife + 1)
+    move_to = dict(zip(moves.cuts.tolist(), range(len(moves)), strict=True))
+    side, blade = (LEFT, RIGHT)[knife] * head.reach, float(cuts.blades[own[0]]) if len(own) else 0.0
+    nodes = [_Node(0.0, Step.FEED, side, blade)]
+    for cut in own.tolist():
+        move = move_to.get(cut)
+        (begin, end), (start, stop), blade = cuts.u[cut], cuts.slides[cut], float(cuts.blades[cut])
+        if move is not None:
+            moved_from = float(moves.slides[move, 0]), float(moves.blades[move, 0])
+            nodes.append(_Node(float(moves.u[move, 0]), Step.FEED, *moved_from))
+            waits = moves.u[move, 0] == moves.u[move, 1]
+            way = Step.MOVE if waits else Step.FEED
+            if turns_at_rest and blade != moved_from[1]:
+                nodes.append(_Node(begin, way, start, moved_from[1]))
+                way = Step.MOVE
+            nodes.append(_Node(begin, way, start, blade))
+        nodes.append(_Node(begin, Step.DOWN, start, blade))
+        nodes.append(_Node(end, Step.CUT if cuts.square[cut] else Step.FEED, stop, blade))
+        nodes.append(_Node(end, Step.UP, stop, blade))
+    return nodes
+
+
+def _steps(head: Head, cuts: Cuts, moves: Moves, turning_at_rest: frozenset[int]) -> Steps:
+    """Both knives' ways as one, in order of u."""
+    ways = [_nodes(head, cuts, moves, knife, knife + 1 in turning_at_rest) for knife in (0, 1)]
+    nodes = [node for way in ways for node in way]
+    exact = np.array([node.u for node in nodes])
+    order = np.argsort(exact, kind="stable")
+    parted = np.diff(exact[order], prepend=-math.inf) > TOUCH
+    places = exact[order][parted]
+    count = len(places)
+    place = np.empty(len(exact), dtype=np.int64)
+    place[order] = np.cumsum(parted) - 1
+    kind = np.array([node.kind for node in nodes], dtype=np.uint8)
+    knife = np.repeat([1, 2], [len(way) for way in ways])
+
+    # First how the knives stand on arrival at every place, then what is done there.
+    poses = np.empty((count, 4))
+    for column, number in ((0, 1), (2, 2)):
+        own = knife == number
+        way = np.array([(node.slide, node.blade) for node in ways[number - 1]])
+        poses[:, column : column + 2] = _on_arrival(places, place[own], way)
+    acts = np.flatnonzero(kind != Step.FEED)
+    # A knife that has come to its sweep's end goes up before anything else is done there.
+    later = ~((kind[acts] == Step.UP) & (kind[acts - 1] == Step.FEED))
+    rank = np.concatenate([np.full(count, -1), later])
+    order = np.lexsort([np.concatenate([np.zeros(count), acts]), rank, np.concatenate([np.arange(count), place[acts]])])
+    kinds = np.concatenate([np.zeros(count, dtype=np.uint8), kind[acts]])[order]
+    knives = np.concatenate([np.zeros(count, dtype=np.int64), knife[acts]])[order]
+    acted = np.array([(node.slide, node.blade) * 2 for node in nodes])[acts]
+    poses = np.vstack([poses, acted])[order]
+    for column, number in ((0, 1), (2, 2)):
+        stated = np.where((knives == 0) | (knives == number), np.arange(len(knives)), 0)
+        poses[:, column : column + 2] = poses[np.maximum.accumulate(stated), column : column + 2]
+    lowered = np.cumsum(kinds == Step.DOWN) - np.cumsum(kinds == Step.UP)
+    return Steps(
+        u=np.concatenate([places, places[place[acts]]])[order],
+        kinds=kinds,
+        knives=knives,
+        poses=poses,
+        raised=np.concatenate([[0], np.flatnonzero(lowered == 0) + 1]),
+    )
+
+
+def _on_arrival(places: Floats, at: Ints, way: Floats) -> Floats:
+    """Slide and blade (p, 2) on arrival at (p,) places, of a knife with the poses `way` (n, 2) at places[at]."""
+    index = np.arange(len(places))
+    following = np.minimum(np.searchsorted(at, index), len(at) - 1)
+    last = np.maximum(following - 1, 0)
+    span = places[at[following]] - places[at[last]]
+    share = np.clip((places - places[at[last]]) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)[:, None]
+    poses: Floats = np.where(
+        (at[following] <= index)[:, None], way[following], way[last] + share * (way[following] - way[last])
+    )
+    return poses
+
+
+class _Passes(NamedTuple):
+    changing: Ints
+    threading: Ints
+    laying: Ints
+    threaded: Floats
+    taken_back: Floats
+
+
+def _passes(steps: Steps, begins: Floats, ends: Floats, rolls: Ints, roll_u: Floats) -> _Passes:
+    """Rows done before a roll change, while threading and while laying, and how far the tape goes out and back."""
+    count = len(begins)
+    changing, threading, laying = (np.zeros((count, 2), dtype=np.int64) for _ in range(3))
+    threaded, taken_back = np.array(begins), np.zeros(count)
+    done, u, roll = 1, 0.0, 0
+    for k in range(count):
+        first = done
+        if rolls[k] != roll:
+            roll = int(rolls[k])
+            u = float(roll_u[roll])
+            done = max(done, steps.settled(steps.before(u)))
+        changing[k] = first, done
+        first = done
+        if begins[k] < u - TOUCH:
+            done = steps.settled(done)
+            threaded[k] = max(u, float(steps.u[done - 1])) if done > first else u
+            taken_back[k] = threaded[k] - begins[k]
+        else:
+            done = max(done, steps.through(float(begins[k])))
+        threading[k] = first, done
+        first = done
+        u = float(ends[k])
+        done = max(done, steps.before(u))
+        laying[k] = first, done
+    return _Passes(changing, threading, laying, threaded, taken_back)

@@ -1,0 +1,269 @@
+"""Tape view of a page: the tape with its courses, waste and cuts, drawn and in tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from tapelayer.arrays import Floats
+from tapelayer.laying.evidence import CutMade, Evidence, TapeLedger
+from tapelayer.reporting.drawing import element, px, svg, table, ticks
+from tapelayer.reporting.quantity import plain, shown
+from tapelayer.setups.sections import DEG, MM, Setup, Verification
+
+# A strip of tape in pixels. A tape that takes more than `STRIPS` strips of this height is drawn smaller, down to the
+# least height; where it then takes more than `MOST_STRIPS`, the page says how far it is drawn.
+WIDTH, MARGIN = 968.0, 24.0
+HEIGHT, LEAST_HEIGHT, MOST_HEIGHT = 48.0, 12.0, 64.0
+STRIPS, MOST_STRIPS = 12, 60
+# Between two lines of the hatch, in pixels.
+HATCH = 6.0
+# Rows of each table; beyond them the page gives a count.
+SHOWN_ROWS = 200
+
+WASTES = {
+    "waste_mm": "waste before mm",
+    "waste_roll_mm": "for a new roll",
+    "waste_formula_mm": "by the angles",
+    "waste_knives_mm": "for a free knife",
+}
+LEGEND = {"roll": "A roll begins", "first": "Knife 1", "second": "Knife 2", "over": "Beyond a limit, or not cut"}
+
+
+def tape_view(evidence: Evidence, report: dict[str, Any], setup: Setup) -> list[Element]:
+    """The tape to scale, then its ledger by course, then its cuts.
+
+    Args:
+        evidence: what verification measured.
+        report: `numbers` of the evidence.
+        setup: the job's values, for the limits.
+    """
+    tape, limits = evidence.tape, setup.verification
+    if not (tape.rows and all(math.isfinite(row.station) for row in tape.rows)):
+        return [element("p", "Nothing was measured on the tape.", class_="note")]
+    return [
+        *_drawing(tape, evidence.tape_width / MM, limits),
+        element("h3", "By course"),
+        _ledger(report),
+        *_rest(len(tape.rows), "course"),
+        element("h3", "Cuts in the order of the tape"),
+        _cuts(tape.cuts, limits),
+        *_rest(len(tape.cuts), "cut"),
+    ]
+
+
+def _rest(count: int, what: str) -> list[Element]:
+    """How many rows a table leaves out."""
+    more = count - SHOWN_ROWS
+    return [element("p", f"and {more:,} more {what}{'s' if more > 1 else ''}", class_="note")] if more > 0 else []
+
+
+def _ledger(report: dict[str, Any]) -> Element:
+    """The tape by course, and of all."""
+    courses = report["tape"]
+    rows: list[list[Element | str]] = [
+        [
+            str(row["course"]),
+            *(shown(row[key], "", "z,.2f") for key in ("station_mm", "laid_mm", *WASTES)),
+            str(row["laying_stops"]),
+        ]
+        for row in courses[:SHOWN_ROWS]
+    ]
+    totals = [f"{sum(row[key] or 0.0 for row in courses):z,.2f}" for key in ("laid_mm", *WASTES)]
+    rows.append([element("b", cell) for cell in ("all", "", *totals, f"{report['laying_stops']:,}")])
+    return table(("course", "starts at mm", "laid mm", *WASTES.values(), "stops while laying"), rows)
+
+
+def _cuts(cuts: Sequence[CutMade], limits: Verification) -> Element:
+    """The cuts in the order of the tape; what is beyond its limit is red."""
+    rows: list[list[Element | str]] = [
+        [
+            f"{cut.station / MM:z,.2f}",
+            f"{cut.angle / DEG:z.3f}",
+            str(cut.ending or ""),
+            str(cut.starting or ""),
+            element("span", str(cut.knife), class_=f"key {_colour(cut)}"),
+            str(cut.block),
+            str(cut.line or ""),
+            _judged(cut.error / MM, limits.max_cut_error_mm),
+            _judged(cut.blade_error / DEG, limits.max_blade_error_deg),
+        ]
+        for cut in cuts[:SHOWN_ROWS]
+    ]
+    headings = (
+        *("cut at mm", "angle deg", "ends course", "starts course", "knife", "block", "line"),
+        f"error mm, limit {plain(limits.max_cut_error_mm)}",
+        f"blade deg, limit {plain(limits.max_blade_error_deg)}",
+    )
+    return table(headings, rows)
+
+
+def _judged(value: float, limit: float) -> Element | str:
+    words = f"{value:z.4f}" if math.isfinite(value) else "not measured"
+    return words if value <= limit else element("span", words, class_="bad")
+
+
+def _colour(cut: CutMade) -> str:
+    return "first" if cut.knife == 1 else "second"
+
+
+def _drawing(tape: TapeLedger, width: float, limits: Verification) -> list[Element]:
+    """The tape of a width in millimetres to scale, broken into strips, below what its colours mean."""
+    laid, uncut = _courses(tape)
+    waste, rolls = _waste(laid, np.array([row.waste_roll for row in tape.rows]) / MM)
+    lines = {"roll": rolls, **_cut_lines(tape.cuts, uncut, limits)}
+    numbers = [str(row.course) for row in tape.rows]
+    slants = np.abs(laid[:, 1::2]) * width / 2
+    # Room for the thickness of the lines at both ends.
+    low = min(0.0, float(np.min(laid[:, 0] - slants[:, 0]))) - width / 20
+    high = float(np.max(laid[:, 2] + slants[:, 1])) + width / 20
+    full = (high - low) * HEIGHT / width / WIDTH
+    count = max(1, min(round(full), STRIPS), round(full * LEAST_HEIGHT / HEIGHT))
+    height = min(HEIGHT * count / full, MOST_HEIGHT)
+
+    words = f"To scale, {plain(width)} mm wide; stations in mm. Courses are laid from left to right, and left of the "
+    words += "travel is up. Hatched: waste. "
+    keys = [element("span", words, class_=f"key {style}") for style, words in LEGEND.items() if len(lines[style])]
+    nodes = [element("p", words, *(part for key in keys for part in (key, ". ")), class_="note")]
+    for number in range(min(count, MOST_STRIPS)):
+        begin, end = (low + (high - low) * place / count for place in (number, number + 1))
+        strip = _Strip(begin, end, height / width, height)
+        paths = {"laid": strip.outlines(laid), "hatch": strip.hatch(waste)}
+        paths |= {f"line cut {style}": strip.across(own) for style, own in lines.items()}
+        drawn = [element("path", d=path, class_=style) for style, path in paths.items() if path]
+        nodes.append(element("figure", strip.figure(drawn + strip.labels(laid, numbers))))
+    if count > MOST_STRIPS:
+        nodes.append(element("p", f"Drawn up to {strip.end:,.0f} mm of {high:,.0f} mm.", class_="note"))
+    return nodes
+
+
+def _courses(tape: TapeLedger) -> tuple[Floats, Floats]:
+    """Lines (n, 4) between which the courses lie, and (k, 2) the ones that were not cut, here drawn square.
+
+    A line across the tape is its station in millimetres and its slope, along over across.
+    """
+    slopes = {(cut.starting, 0): 1 / math.tan(cut.angle) for cut in tape.cuts}
+    slopes |= {(cut.ending, 1): 1 / math.tan(cut.angle) for cut in tape.cuts}
+    stations = np.array([[row.station, row.station + row.length] for row in tape.rows]) / MM
+    found = np.array([[slopes.get((row.course, end), math.nan) for end in (0, 1)] for row in tape.rows])
+    lines = np.stack([stations, np.nan_to_num(found)], axis=2)
+    return lines.reshape(-1, 4), lines[np.isnan(found)]
+
+
+def _waste(laid: Floats, rolls: Floats) -> tuple[Floats, Floats]:
+    """Lines (m, 4) between which the tape is waste, and (k, 2) at which a roll begins.
+
+    Args:
+        laid: (n, 4) as `_courses`.
+        rolls: (n,) millimetres of tape left for a new roll before each course.
+    """
+    before = np.vstack([np.zeros((1, 2)), laid[:-1, 2:]])
+    fresh = rolls > 0.0
+    edges = np.where(fresh[:, None], np.column_stack([before[:, 0] + rolls, np.zeros_like(rolls)]), before)
+    waste = np.vstack([np.hstack([before, edges])[fresh], np.hstack([edges, laid[:, :2]])])
+    return waste, np.vstack([np.zeros((1, 2)), edges[fresh]])
+
+
+def _cut_lines(cuts: Sequence[CutMade], uncut: Floats, limits: Verification) -> dict[str, Floats]:
+    """Lines (k, 2) of the cuts by style; `over` are those beyond a limit and those that were not cut (j, 2)."""
+    lines = np.array([[cut.station / MM, 1 / math.tan(cut.angle)] for cut in cuts]).reshape(-1, 2)
+    errors = np.array([[cut.error / MM, cut.blade_error / DEG] for cut in cuts]).reshape(-1, 2)
+    kept = np.all(errors <= [limits.max_cut_error_mm, limits.max_blade_error_deg], axis=1)
+    first = np.array([cut.knife == 1 for cut in cuts], np.bool_)
+    return {
+        "first": lines[kept & first],
+        "second": lines[kept & ~first],
+        "over": np.vstack([lines[~kept], uncut]),
+    }
+
+
+@dataclass(frozen=True)
+class _Strip:
+    """A strip of the tape; its pixels count from its left edge and from the tape's left edge down.
+
+    Attributes:
+        begin: station of its left end, millimetres.
+        end: station of its right end, millimetres.
+        scale: pixels a millimetre.
+        height: pixels of the tape's width.
+    """
+
+    begin: float
+    end: float
+    scale: float
+    height: float
+
+    def figure(self, drawn: Sequence[Element]) -> Element:
+        """The strip with its stations below."""
+        length = (self.end - self.begin) * self.scale
+        tape = element("svg", *drawn, x=px(MARGIN), y=4, width=px(length), height=px(self.height))
+        bottom = 4 + self.height
+        nodes = [tape, element("rect", x=px(MARGIN), y=4, width=px(length), height=px(self.height), class_="frame")]
+        for tick in ticks(self.begin, self.end, max(1, int(length / 80))):
+            at = px(MARGIN + (tick - self.begin) * self.scale)
+            nodes.append(element("path", d=f"M{at} {px(bottom)}v3", class_="axis"))
+            nodes.append(element("text", plain(tick), x=at, y=px(bottom + 14), class_="tick middle"))
+        label = f"Tape from {self.begin:,.0f} to {self.end:,.0f} mm"
+        return svg(WIDTH + 2 * MARGIN, bottom + 20, *nodes, label=label)
+
+    def _corners(self, lines: Floats) -> Floats:
+        """Places (n, 2) along the strip where lines (n, 2) meet the tape's left edge and its right one, pixels."""
+        middle = (lines[:, :1] - self.begin) * self.scale
+        corners: Floats = middle + lines[:, 1:] * self.height / 2 * np.array([1.0, -1.0])
+        return corners
+
+    def across(self, lines: Floats) -> str:
+        """Path of lines (n, 2)."""
+        corners = self._corners(lines)
+        seen = (np.max(corners, axis=1) >= -4) & (np.min(corners, axis=1) <= WIDTH + 4)
+        return "".join(f"M{px(left)} 0L{px(right)} {px(self.height)}" for left, right in corners[seen].tolist())
+
+    def _pieces(self, pieces: Floats) -> Floats:
+        """Corners (m, 4) of those pieces (n, 4) that are seen in the strip, between two lines each."""
+        corners = np.hstack([self._corners(pieces[:, :2]), self._corners(pieces[:, 2:])])
+        seen: Floats = corners[(np.max(corners, axis=1) >= 0) & (np.min(corners, axis=1) <= WIDTH)]
+        return seen
+
+    def outlines(self, pieces: Floats) -> str:
+        """Path round pieces (n, 4) of tape."""
+        down = px(self.height)
+        return "".join(
+            f"M{px(a)} 0L{px(b)} {down}L{px(d)} {down}L{px(c)} 0z" for a, b, c, d in self._pieces(pieces).tolist()
+        )
+
+    def hatch(self, pieces: Floats) -> str:
+        """Path of the lines x + y = c, every few pixels, as far as they lie in pieces (n, 4) of tape."""
+        parts = []
+        for a, b, c, d in self._pieces(pieces).tolist():
+            least, most = max(min(a, b), 0.0), min(max(c, d), WIDTH) + self.height
+            sums = np.arange(math.ceil(least / HATCH), math.floor(most / HATCH) + 1) * HATCH
+            top, bottom = np.zeros_like(sums), np.full_like(sums, self.height)
+            # At y the piece goes from a + (b - a) y / height to c + (d - c) y / height; inside, room + rate y >= 0.
+            for room, rate in ((sums - a, -1 - (b - a) / self.height), (c - sums, 1 + (d - c) / self.height)):
+                if rate > 0.0:
+                    top = np.maximum(top, -room / rate)
+                elif rate < 0.0:
+                    bottom = np.minimum(bottom, -room / rate)
+                else:
+                    bottom = np.where(room >= 0.0, bottom, -1.0)
+            inside = top < bottom
+            ends = np.column_stack([sums - top, top, sums - bottom, bottom])[inside]
+            parts += [f"M{px(x)} {px(y)}L{px(u)} {px(v)}" for x, y, u, v in ends.tolist()]
+        return "".join(parts)
+
+    def labels(self, laid: Floats, numbers: Sequence[str]) -> list[Element]:
+        """Course numbers in the middle of what is seen of each course, where there is room."""
+        lefts = np.maximum((laid[:, 0] - self.begin) * self.scale, 0.0)
+        rights = np.minimum((laid[:, 2] - self.begin) * self.scale, (self.end - self.begin) * self.scale)
+        room = rights - lefts - [7 * len(number) + 6 for number in numbers]
+        return [
+            element(
+                "text", numbers[i], x=px((lefts[i] + rights[i]) / 2), y=px(self.height / 2 + 4), class_="number middle"
+            )
+            for i in np.flatnonzero(room > 0.0).tolist()
+        ]

@@ -1,0 +1,1 @@
+"""The machines: their models, and the closed forms of their inverse kinematics."""

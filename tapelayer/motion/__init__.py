@@ -1,0 +1,1 @@
+"""Motion: blocks, switching words, and the time that they take."""

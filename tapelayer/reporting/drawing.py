@@ -1,0 +1,207 @@
+"""Drawing: elements of a page, and plots as SVG.
+
+Everything is built as an element tree, so that every name from a file is escaped by the serialiser and not by hand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Ints
+from tapelayer.reporting.quantity import plain
+
+
+def element(tag: str, *content: Element | str, **attributes: object) -> Element:
+    """An element; an attribute's underscores are hyphens, and one at its end keeps it off Python's words."""
+    node = Element(tag, {name.rstrip("_").replace("_", "-"): str(value) for name, value in attributes.items()})
+    for part in content:
+        if isinstance(part, Element):
+            node.append(part)
+        elif len(node):
+            node[-1].tail = (node[-1].tail or "") + part
+        else:
+            node.text = (node.text or "") + part
+    return node
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[Element | str]], **attributes: object) -> Element:
+    """A table of headings and rows."""
+    return element(
+        "table",
+        element("thead", element("tr", *(element("th", heading, scope="col") for heading in headings))),
+        element("tbody", *(element("tr", *(element("td", cell) for cell in row)) for row in rows)),
+        **attributes,
+    )
+
+
+def svg(width: float, height: float, *content: Element, label: str = "") -> Element:
+    """A drawing of a size in pixels; without a label it is decoration."""
+    attributes = {"role": "img", "aria_label": label} if label else {"aria_hidden": "true"}
+    return element("svg", *content, viewBox=f"0 0 {px(width)} {px(height)}", width=px(width), **attributes)
+
+
+def heading_of(*parts: tuple[str, str]) -> Element:
+    """A plot's heading: words, each in the colour of its line."""
+    return element("text", *(element("tspan", words, class_=style) for words, style in parts), class_="heading")
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A line of a plot.
+
+    Attributes:
+        style: CSS class.
+        x: (n,) finite, in the plot's unit.
+        y: (n,) in the plot's unit; a value that is not finite is a gap.
+    """
+
+    style: str
+    x: Floats
+    y: Floats
+
+
+@dataclass(frozen=True)
+class Panel:
+    """The place and ranges of one plot in its figure, pixels and the plot's units.
+
+    Attributes:
+        left: of the plot's area.
+        top: of the plot's area.
+        width: of the plot's area.
+        height: of the plot's area.
+        x: lowest and highest.
+        y: lowest and highest.
+    """
+
+    left: float
+    top: float
+    width: int
+    height: int
+    x: tuple[float, float]
+    y: tuple[float, float]
+
+    def across(self, x: Floats | float) -> Any:
+        """Pixels from the figure's left edge."""
+        return self.left + (x - self.x[0]) * (self.width / (self.x[1] - self.x[0]))
+
+    def down(self, y: Floats | float) -> Any:
+        """Pixels from the figure's top edge."""
+        return self.top + (self.y[1] - y) * (self.height / (self.y[1] - self.y[0]))
+
+    def drawn(
+        self, heading: Element, curves: Sequence[Curve], limits: Sequence[float], judged: bool = True
+    ) -> list[Element]:
+        """Elements of the plot: frame, ticks, limits with their values, lines."""
+        right, bottom = self.left + self.width, self.top + self.height
+        heading.attrib.update(x=px(self.left), y=px(self.top - 5))
+        nodes = [heading]
+        for tick in ticks(*self.x, max(2, self.width // 56)):
+            at = px(self.across(tick))
+            nodes.append(element("path", d=f"M{at} {px(bottom)}v3", class_="axis"))
+            nodes.append(element("text", plain(tick), x=at, y=px(bottom + 14), class_="tick middle"))
+        taken = [self.down(limit) for limit in limits]
+        for tick in ticks(*self.y, min(max(3, self.height // 26), 10)):
+            at = self.down(tick)
+            nodes.append(element("path", d=f"M{px(self.left)} {px(at)}h{self.width}", class_="grid"))
+            if all(abs(at - other) > 11 for other in taken):
+                nodes.append(element("text", plain(tick), x=px(self.left - 4), y=px(at + 4), class_="tick end"))
+        nodes.append(
+            element("rect", x=px(self.left), y=px(self.top), width=self.width, height=self.height, class_="frame")
+        )
+        last = -math.inf
+        for limit, at in sorted(zip(limits, taken, strict=True), reverse=True):
+            style = "limit" if judged else "limit free"
+            nodes.append(element("path", d=f"M{px(self.left)} {px(at)}H{px(right)}", class_=style))
+            if at - last > 11:
+                style = "tick end bound" if judged else "tick end"
+                nodes.append(element("text", plain(limit), x=px(self.left - 4), y=px(at + 4), class_=style))
+                last = at
+        for curve in curves:
+            kept = extremes(curve.x, curve.y, self.width)
+            line = polyline(self.across(curve.x[kept]), self.down(curve.y[kept]))
+            nodes.append(element("path", d=line, transform="scale(.1)", class_=f"line {curve.style}"))
+        return nodes
+
+
+def range_of(curves: Sequence[Curve], limits: Sequence[float]) -> tuple[float, float]:
+    """Lowest and highest y of the curves and the limits, with room to see a limit that is not touched."""
+    values = [*limits]
+    for curve in curves:
+        finite = curve.y[np.isfinite(curve.y)]
+        values += [float(np.min(finite)), float(np.max(finite))] if len(finite) else []
+    low, high = min(values), max(values)
+    room = 0.08 * (high - low) or 1.0
+    return low - room, high + room
+
+
+def extent(values: Floats) -> tuple[float, float]:
+    """Lowest and highest of finite values (n,), never equal."""
+    if not len(values):
+        return 0.0, 1.0
+    low, high = float(np.min(values)), float(np.max(values))
+    return low, high if high > low else low + 1.0
+
+
+def ticks(low: float, high: float, count: int) -> list[float]:
+    """Round values of step 1, 2 or 5 times a power of ten, at most about `count` of them."""
+    rough = (high - low) / count
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= rough * (1 - 1e-9))
+    return [i * step for i in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)]
+
+
+def extremes(x: Floats, y: Floats, columns: int) -> Ints:
+    """Indices (m,) of the rows that a plot `columns` pixels wide cannot do without.
+
+    In each pixel column the first, the last, the least and the greatest value are kept, and the first that is not
+    finite: the line through them covers the same pixels as the line through all (M4, Jugel et al., VLDB 2014).
+
+    Args:
+        x: (n,) finite; rows that follow each other in one column are one group.
+        y: (n,) any unit.
+        columns: pixel columns over the range of x.
+    """
+    if not len(x):
+        return np.zeros(0, np.int64)
+    low, high = float(np.min(x)), float(np.max(x))
+    place = (x - low) / (high - low) * columns if high > low else np.zeros(len(x))
+    column = np.minimum(place.astype(np.int64), columns - 1)
+    firsts = np.flatnonzero(np.append(True, column[1:] != column[:-1]))
+    group = np.cumsum(np.append(False, column[1:] != column[:-1]))
+    values = np.where(np.isfinite(y), y, np.nan)
+    kept = [firsts, np.append(firsts[1:], len(x)) - 1]
+    for mask in (
+        values == np.fmin.reduceat(values, firsts)[group],
+        values == np.fmax.reduceat(values, firsts)[group],
+        np.isnan(values),
+    ):
+        found = np.flatnonzero(mask)
+        kept.append(found[np.append(True, np.diff(group[found]) > 0)[: len(found)]])
+    return np.unique(np.concatenate(kept))
+
+
+def polyline(across: Floats, down: Floats) -> str:
+    """Path in tenths of a pixel through points (n,), (n,); a point that is not finite is a gap."""
+    seen = np.isfinite(across) & np.isfinite(down)
+    points = np.column_stack([across, down])[seen]
+    tenths = np.rint(10 * points).astype(np.int64)
+    first = np.flatnonzero(np.append(True, np.diff(np.flatnonzero(seen)) > 1)[: len(tenths)])
+    parts = []
+    for run in np.split(tenths, first[1:]) if len(tenths) else []:
+        steps = np.diff(run, axis=0)
+        steps = steps[np.any(steps != 0, axis=1)]
+        # A lone point is a dot: a line of no length has round caps.
+        steps = steps if len(steps) else np.zeros((1, 2), np.int64)
+        parts.append(f"M{run[0, 0]} {run[0, 1]}l" + " ".join(map(str, steps.ravel().tolist())).replace(" -", "-"))
+    return "".join(parts)
+
+
+def px(value: float) -> str:
+    """A pixel coordinate to a tenth."""
+    return f"{value:.1f}".removesuffix(".0")

@@ -1,0 +1,382 @@
+"""Setup: every value of a job that is neither in the course file, nor the URDF, nor the controller table.
+
+The field descriptions here are the one description of each parameter: the default file, the help and the docs come from
+them. Fields are in the units of their names (mm, deg); whoever computes converts with `MM` and `DEG`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic.fields import FieldInfo
+
+from tapelayer.errors import Fault, SetupRefused
+from tapelayer.toml_files import read_toml
+
+MM = 1e-3
+DEG = math.pi / 180.0
+# More faults than these are no slips: they are counted, and each of them takes time to be worded.
+MOST_FAULTS = 100
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+
+
+def _ordered(bounds: list[float]) -> list[float]:
+    if not bounds[0] < bounds[1]:
+        raise ValueError(f"expected [lower, upper] with lower below upper, got {bounds}")
+    return bounds
+
+
+Range = Annotated[list[Number], Field(min_length=2, max_length=2), AfterValidator(_ordered)]
+
+
+class Section(BaseModel):
+    """A table of the setup file: frozen, and no key that it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+
+class Machine(Section):
+    """The machine, where it differs from its URDF."""
+
+    urdf: Annotated[
+        str | None, Field(description="the machine's URDF file; without it the built-in model", min_length=1)
+    ] = None
+    limits_mm: Annotated[
+        dict[str, Range], Field(description="travel of linear axes in place of the URDF's, e.g. {x = [0, 2500]}")
+    ] = {}
+    limits_deg: Annotated[
+        dict[str, Range], Field(description="travel of rotary axes in place of the URDF's, e.g. {c = [-180, 180]}")
+    ] = {}
+    speeds_mm_per_s: Annotated[
+        dict[str, Positive], Field(description="speed limits of linear axes in place of the URDF's, e.g. {x = 500}")
+    ] = {}
+    speeds_deg_per_s: Annotated[
+        dict[str, Positive], Field(description="speed limits of rotary axes in place of the URDF's, e.g. {c = 30}")
+    ] = {}
+
+    def travel(self) -> dict[str, tuple[float, float]]:
+        """Overridden travel by axis, in metres and radians."""
+        linear = {axis: (low * MM, high * MM) for axis, (low, high) in self.limits_mm.items()}
+        return linear | {axis: (low * DEG, high * DEG) for axis, (low, high) in self.limits_deg.items()}
+
+    def speeds(self) -> dict[str, float]:
+        """Overridden speed limits by axis, in metres and radians per second."""
+        linear = {axis: speed * MM for axis, speed in self.speeds_mm_per_s.items()}
+        return linear | {axis: speed * DEG for axis, speed in self.speeds_deg_per_s.items()}
+
+    @model_validator(mode="after")
+    def _one_unit_an_axis(self) -> Self:
+        for linear, rotary in (("limits_mm", "limits_deg"), ("speeds_mm_per_s", "speeds_deg_per_s")):
+            for axis in getattr(self, linear).keys() & getattr(self, rotary).keys():
+                raise ValueError(f"axis {axis} stands in both {linear} and {rotary}; keep the one of its unit")
+        return self
+
+
+class Part(Section):
+    """Where the part lies in the machine: machine = rotated part + (l1, l2, -l3) (the paper's 1.4)."""
+
+    l1_mm: Annotated[Number, Field(description="part origin along the machine's x")] = 300.0
+    l2_mm: Annotated[Number, Field(description="part origin along the machine's y")] = -1900.0
+    l3_mm: Annotated[Number, Field(description="part origin below the machine's origin")] = 1400.0
+    rotation_deg: Annotated[
+        Number | Annotated[list[Number], Field(min_length=3, max_length=3)],
+        Field(description="turn of the part before it is placed: about z, or [x, y, z] about fixed axes in that order"),
+    ] = 0.0
+    laid_thickness_mm: Annotated[
+        NotNegative, Field(description="thickness of the plies already laid under these courses")
+    ] = 0.0
+
+    def rotation_rad(self) -> tuple[float, float, float]:
+        """Angles about the fixed axes x, y, z in radians, applied in that order."""
+        angles = self.rotation_deg if isinstance(self.rotation_deg, list) else [0.0, 0.0, self.rotation_deg]
+        return angles[0] * DEG, angles[1] * DEG, angles[2] * DEG
+
+
+class Tape(Section):
+    """The material."""
+
+    width_mm: Annotated[Positive, Field(description="width of the tape")] = 75.0
+    thickness_mm: Annotated[Positive, Field(description="thickness of one laid ply")] = 0.15
+    roll_length_m: Annotated[Positive, Field(description="tape on one roll")] = 150.0
+
+
+class Delays(Section):
+    """Time from a switching word to its effect; the word is moved ahead by planned speed x delay."""
+
+    shoe: Annotated[NotNegative, Field(description="compaction shoe, ms")] = 0.0
+    roller: Annotated[NotNegative, Field(description="auxiliary roller, ms")] = 0.0
+    knife: Annotated[NotNegative, Field(description="knives, ms")] = 0.0
+    heater: Annotated[NotNegative, Field(description="heater, ms")] = 0.0
+
+
+class Head(Section):
+    """The tape head, where the URDF does not hold it."""
+
+    knife_to_nip_mm: Annotated[Positive, Field(description="tape path from knife 1 to the nip on a level surface")] = (
+        350.0
+    )
+    knife_clearance_mm: Annotated[NotNegative, Field(description="a sweep's run beyond both edges of the tape")] = 10.0
+    minimum_cut_angle_deg: Annotated[
+        Positive, Field(description="smallest angle between a cut and the tape's edge", lt=90)
+    ] = 15.0
+    scrap_margin_mm: Annotated[NotNegative, Field(description="waste between two cuts that are not shared")] = 5.0
+    blade_length_mm: Annotated[Positive, Field(description="least distance between the two blades")] = 20.0
+    aux_roller_lag_mm: Annotated[
+        NotNegative, Field(description="the auxiliary roller follows the nip by this distance")
+    ] = 60.0
+    run_out: Annotated[
+        Literal["tangent", "none"],
+        Field(description="how the auxiliary roller reaches the course's end: tangent | none"),
+    ] = "tangent"
+    wrap_compensation: Annotated[
+        bool,
+        Field(
+            description="shorten the tape path where the nip moves round the roller; false: u is the arc length",
+            strict=True,
+        ),
+    ] = True
+    heater_stop_s: Annotated[NotNegative, Field(description="the heater goes off during a stop longer than this")] = 2.0
+    delays_ms: Annotated[Delays, Field(description="actuator delays")] = Delays()
+
+
+class Process(Section):
+    """How the job is run."""
+
+    lay_speed_mm_per_s: Annotated[
+        Positive, Field(description="speed of the nip over the surface, and of plunge and retract")
+    ] = 250.0
+    thread_speed_mm_per_s: Annotated[Positive, Field(description="speed of the tape while it is threaded")] = 250.0
+    approach_mm: Annotated[Positive, Field(description="clearance along the head's normal before the plunge")] = 50.0
+    link_clearance_mm: Annotated[
+        NotNegative | None,
+        Field(description="clearance above the highest course point between courses; without it approach_mm"),
+    ] = None
+    tolerance_mm: Annotated[
+        Positive, Field(description="blocks are inserted where the contact would leave the course by more")
+    ] = 0.02
+    tolerance_deg: Annotated[
+        Positive, Field(description="blocks are inserted where the roller axis would leave t x n by more")
+    ] = 0.005
+    kinematics: Annotated[
+        Literal["roller", "published"],
+        Field(description="roller: exact for a round roller; published: the 2008 paper's form"),
+    ] = "roller"
+
+
+class Verification(Section):
+    """What a program must keep; the emitted text is judged."""
+
+    max_position_error_mm: Annotated[
+        Positive, Field(description="contact off the course, normal to and along the surface")
+    ] = 0.05
+    max_roller_tilt_deg: Annotated[Positive, Field(description="roller axis out of the tangent plane")] = 0.05
+    max_heading_error_deg: Annotated[Positive, Field(description="roller axis off square to the course")] = 0.05
+    max_tape_error_mm: Annotated[Positive, Field(description="tape fed against arc length at the nip")] = 0.05
+    max_cut_error_mm: Annotated[Positive, Field(description="knife off its cut line on the tape")] = 0.05
+    max_blade_error_deg: Annotated[Positive, Field(description="blade off the direction of its cut")] = 0.05
+
+
+class Output(Section):
+    """What comes out."""
+
+    controller: Annotated[str, Field(description="name of a controller table, or the path of one", min_length=1)] = (
+        "jb3208"
+    )
+
+
+class JobSetup(Section):
+    """The setup of a job: a table of values for each thing it speaks of."""
+
+    # Section and key of the values that name files.
+    FILES: ClassVar[tuple[tuple[str, str], ...]] = (("machine", "urdf"),)
+
+    def with_values(self, section: str, **values: object) -> Self:
+        """Return a setup with some values of one section replaced, validated again.
+
+        Raises:
+            SetupRefused: a value does not fit.
+        """
+        table = self.model_dump(exclude_unset=True)
+        table[section] = table.get(section, {}) | values
+        return parse_table(type(self), table, "setup")
+
+    def digest(self, files: Mapping[tuple[str, str], bytes]) -> str:
+        """SHA-256 of the effective values, hexadecimal.
+
+        Args:
+            files: bytes of the files that values name, by section and key: they enter by content, not by path.
+        """
+        values = self.model_dump()
+        for (section, key), data in files.items():
+            values[section][key] = hashlib.sha256(data).hexdigest()
+        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
+SetupModel = TypeVar("SetupModel", bound=JobSetup)
+
+
+class Setup(JobSetup):
+    """Everything that a tape-laying job needs beside its courses."""
+
+    part: Annotated[Part, Field(description="where the part lies in the machine")] = Part()
+    machine: Annotated[Machine, Field(description="the machine, where it differs from its URDF")] = Machine()
+    tape: Annotated[Tape, Field(description="the material")] = Tape()
+    head: Annotated[Head, Field(description="the tape head")] = Head()
+    process: Annotated[Process, Field(description="how the job is run")] = Process()
+    verification: Annotated[Verification, Field(description="what a program must keep")] = Verification()
+    output: Annotated[Output, Field(description="what comes out")] = Output()
+
+    def sha256(self, urdf: bytes) -> str:
+        """SHA-256 of the effective values, hexadecimal; the URDF enters by its content, not by its path.
+
+        Args:
+            urdf: the bytes of the URDF in use.
+        """
+        return self.digest({("machine", "urdf"): urdf})
+
+
+def read_setup(path: Path | str, model: type[SetupModel]) -> SetupModel:
+    """Setup from a TOML file.
+
+    Raises:
+        SetupRefused: the file is missing, no TOML, or has unknown keys or values out of range; all faults at once.
+    """
+    name = str(path)
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise SetupRefused.unreadable(name, error) from None
+    return parse_setup(data, name, model)
+
+
+def parse_setup(data: bytes, name: str, model: type[SetupModel]) -> SetupModel:
+    """Setup from the bytes of a TOML file; relative paths are taken from the file's folder.
+
+    Raises:
+        SetupRefused: as `read_setup`.
+    """
+    table, text = read_toml(data, name, SetupRefused)
+    for section, key in model.FILES:
+        values = table.get(section)
+        if isinstance(values, dict) and isinstance(values.get(key), str):
+            values[key] = str(Path(name).parent / values[key])
+    return parse_table(model, table, name, text)
+
+
+def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text: str = "") -> SetupModel:
+    """Validated model of a TOML table, with the faults worded for a person.
+
+    Raises:
+        SetupRefused: unknown keys (with the nearest known one) or values out of range; all faults at once.
+    """
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        lines, faults = _lines_of_keys(text), []
+        for found in error.errors()[:MOST_FAULTS]:
+            place = tuple(str(part) for part in found["loc"])
+            sentence = _sentence(model, place, found["type"], found["msg"], found["input"])
+            faults.append(Fault(_line_of(lines, place), sentence, place=place))
+        faults = sorted(set(faults), key=lambda fault: fault.line)
+        if error.error_count() > MOST_FAULTS:
+            faults.insert(0, Fault(0, f"has {error.error_count()} faults; is it the right file?"))
+        raise SetupRefused(name, faults) from None
+
+
+def default_text(model: type[Section], title: str) -> str:
+    """The default setup as a commented TOML file: every key with unit, default and description."""
+    lines = [
+        f"# {title}",
+        "# Units are in the names. A key left out has the value shown here; a key behind # has none.",
+    ]
+    for name, field in model.model_fields.items():
+        lines += ["", f"# {field.description}", f"[{name}]"]
+        section = _section_model(field)
+        for key, value in section.model_fields.items():
+            default = value.get_default(call_default_factory=True)
+            setting = f"# {key} =" if default is None else f"{key} = {_toml(default)}"
+            lines.append(f"{setting:<32} # {value.description}")
+    return "\n".join(lines) + "\n"
+
+
+def _section_model(field: FieldInfo) -> type[Section]:
+    annotation = field.annotation
+    assert isinstance(annotation, type) and issubclass(annotation, Section)
+    return annotation
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value)
+    if isinstance(value, Section):
+        value = value.model_dump()
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    return f"{value:g}"
+
+
+def _keys(model: type[Section]) -> Iterator[tuple[str, str]]:
+    for name, field in model.model_fields.items():
+        for key in _section_model(field).model_fields:
+            yield key, name
+
+
+def _sentence(model: type[Section], place: tuple[str, ...], kind: str, message: str, value: object) -> str:
+    where = f"[{place[0]}] {'.'.join(place[1:])}".strip() if place else "the setup"
+    if kind == "extra_forbidden":
+        return _unknown(model, place)
+    if kind == "missing":
+        return f"{where} is missing"
+    if kind == "value_error":
+        return f"{where}: {message.removeprefix('Value error, ')}"
+    shown = repr(value)
+    return f"{where}: {message[0].lower()}{message[1:]}, got {shown if len(shown) <= 40 else shown[:37] + '...'}"
+
+
+def _unknown(model: type[Section], place: tuple[str, ...]) -> str:
+    key = place[-1]
+    if len(place) == 1:
+        near = difflib.get_close_matches(key, model.model_fields, 1, 0.4)
+        known = f"did you mean [{near[0]}]?" if near else f"there are {', '.join(f'[{n}]' for n in model.model_fields)}"
+        return f"unknown section [{key}]; {known}"
+    sections = dict(_keys(model)) if len(place) == 2 else {}
+    names = list(sections) or list(Delays.model_fields)
+    near = difflib.get_close_matches(key, names, 1, 0.4)
+    if not near:
+        return f"unknown key {key} in [{place[0]}]; the setup command prints every key there is"
+    other = sections.get(near[0], place[0])
+    return f"unknown key {key} in [{place[0]}]; did you mean {near[0]}{'' if other == place[0] else f' in [{other}]'}?"
+
+
+def _lines_of_keys(text: str) -> dict[tuple[str, ...], int]:
+    """Lines (from 1) of TOML text where a section, or a key of a section, stands first; keys outside of one have ""."""
+    section = ""
+    lines: dict[tuple[str, ...], int] = {}
+    for number, line in enumerate(text.split("\n"), 1):
+        if header := re.match(r"\s*\[\s*([^\]]+?)\s*\]", line):
+            section = header[1]
+            lines.setdefault((section,), number)
+        elif key := re.match(r"""\s*["']?([\w-]+)["']?\s*(\.|=)""", line):
+            lines.setdefault((section, key[1]), number)
+    return lines
+
+
+def _line_of(lines: Mapping[tuple[str, ...], int], place: tuple[str, ...]) -> int:
+    """Line of a key, or of its section; 0 where neither is found."""
+    known = (place[:2], ("", *place[:1]), place[:1])
+    return next((lines[key] for key in known if key in lines), 0)

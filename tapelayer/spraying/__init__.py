@@ -1,0 +1,1 @@
+"""The spray robot: from a mesh to verified programs and their reports."""

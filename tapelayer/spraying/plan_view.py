@@ -1,0 +1,195 @@
+"""Views of a spraying program: the part from above with its coat and passes, a histogram, and sections of the coat."""
+
+from __future__ import annotations
+
+import math
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Ints
+from tapelayer.reporting.drawing import Curve, Panel, element, extent, heading_of, polyline, px, range_of, svg, ticks
+from tapelayer.reporting.quantity import plain
+from tapelayer.setups.sections import MM
+from tapelayer.spraying.coat import Coat
+from tapelayer.spraying.passes import Plan
+
+WIDTH, HEIGHT = 760.0, 560.0
+# Pixels of a cell of the map; a cell is never smaller on the part than samples are apart.
+LEAST_CELL = 3.0
+COLOURS = 10
+BINS = 60
+MICROMETRES = 1e6
+
+
+def plan_view(plan: Plan, coat: Coat | None) -> list[Element]:
+    """The part from above to scale, in `machine` axes: passes, and the coat's thickness where there is one."""
+    ways = [found.path.points[:, :2] / MM for found in plan.passes]
+    corners = np.vstack(ways if coat is None else [*ways, coat.surface.points[:, :2] / MM])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    scale = float(min(WIDTH / (high[0] - low[0]), HEIGHT / (high[1] - low[1])))
+    size = (high - low) * scale
+    panel = Panel(
+        64, 18, round(size[0]), round(size[1]), (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
+    )
+    nodes = panel.drawn(heading_of(("y over x, mm", "")), [], [])
+    if coat is not None:
+        values, _ = _shown(coat)
+        highest = _highest(values)
+        nodes += _map(panel, coat, values, scale, highest)
+        nodes += _colours(panel.left + panel.width + 24, panel.top, coat, highest)
+    lines = "".join(polyline(panel.across(way[:, 0]), panel.down(way[:, 1])) for way in ways)
+    nodes.append(element("path", d=lines, transform="scale(.1)", class_="line way"))
+    arrows = [_arrow(panel.across(way[:, 0]), panel.down(way[:, 1])) for way in ways]
+    nodes.append(element("path", d="".join(arrows), class_="arrow"))
+    nodes.append(_scale_bar(panel, scale))
+    words = (
+        "x and y of the machine in mm, to scale. Lines: the way of the sprayed point with the arc on, overrun included."
+    )
+    if coat is not None:
+        words += f" Colours: thickness{' relative to its mean' if coat.relative else ' in micrometres'}."
+    figure = svg(panel.left + panel.width + 150, panel.top + panel.height + 24, *nodes, label="Plan view of the passes")
+    return [element("figure", figure), element("p", words, class_="note")]
+
+
+def coat_plots(plan: Plan, coat: Coat) -> list[Element]:
+    """Histogram of the thickness by area, and sections of the coat along the longest pass and across the passes."""
+    values, unit = _shown(coat)
+    even = coat.evenness
+    scale = MICROMETRES if not coat.relative else 1.0
+    mean = even.mean * scale
+    longest = max(plan.passes, key=lambda found: float(found.path.arc_lengths[-1]))
+    begin, end = longest.path.points[[0, -1], :2]
+    along = (end - begin) / np.linalg.norm(end - begin)
+    across = np.array([-along[1], along[0]])
+    away = coat.surface.points[:, :2] - (begin + end) / 2
+    words = f"Mean {mean:.4g}{unit}; standard deviation {even.cv_percent:.2f} % of the mean, "
+    words += f"without a border band of one spot radius {even.cv_interior_percent:.2f} %; {even.coverage_percent:.2f} %"
+    words += " of the area has more than half of what is the mean without that band. Dashed: the mean."
+    nodes = [element("p", words, class_="note"), _histogram(values, coat.surface.areas, mean, unit)]
+    for name, axis, other in (
+        (f"along pass {longest.path.number}", along, across),
+        (f"across the passes, through the middle of pass {longest.path.number}", across, along),
+    ):
+        near = np.abs(away @ other) <= coat.spacing / 2
+        order = np.argsort(away[near] @ axis)
+        places = (away[near] @ axis)[order] / MM
+        curve = Curve("first", places, values[near][order])
+        if len(places):
+            panel = Panel(66, 18, 930, 110, extent(places), range_of([curve], [0.0, mean]))
+            heading = heading_of((f"thickness{unit} ", "first"), (f"over mm {name}", ""))
+            drawn = panel.drawn(heading, [curve], [mean], False)
+            nodes.append(element("figure", svg(1016, 150, *drawn, label=f"Thickness {name}")))
+    return nodes
+
+
+def _shown(coat: Coat) -> tuple[Floats, str]:
+    """Thickness (m,) as it is shown, and its unit with a space before it."""
+    if coat.relative:
+        return coat.thickness, ""
+    return coat.thickness * MICROMETRES, " um"
+
+
+def _highest(values: Floats) -> float:
+    """The end of the colours: a round value that all but the thickest hundredth keeps below."""
+    most = float(np.quantile(values, 0.99))
+    if not most > 0.0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(most))
+    return next(
+        step * power for step in (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0) if step * power >= most
+    )
+
+
+def _map(panel: Panel, coat: Coat, values: Floats, scale: float, highest: float) -> list[Element]:
+    """Cells by colour; each has the mean of the samples in it."""
+    surface = coat.surface
+    cell = max(LEAST_CELL, 1.1 * coat.spacing / MM * scale)
+    columns = ((panel.across(surface.points[:, 0] / MM) - panel.left) / cell).astype(np.int64)
+    rows = ((panel.down(surface.points[:, 1] / MM) - panel.top) / cell).astype(np.int64)
+    width = int(columns.max()) + 1
+    place = rows * width + columns
+    weights = np.bincount(place, weights=surface.areas)
+    sums = np.bincount(place, weights=surface.areas * values)
+    filled = np.flatnonzero(weights > 0.0)
+    classes = np.clip((sums[filled] / weights[filled] / highest * COLOURS).astype(np.int64), 0, COLOURS - 1)
+    nodes = []
+    for colour in range(COLOURS):
+        path = _runs(filled[classes == colour], width, cell, panel)
+        if path:
+            nodes.append(element("path", d=path, class_=f"fill e{colour}"))
+    return nodes
+
+
+def _runs(cells: Ints, width: int, cell: float, panel: Panel) -> str:
+    """Path of cells in rows, those beside each other in one."""
+    if not len(cells):
+        return ""
+    new = np.append(True, (np.diff(cells) != 1) | (cells[1:] % width == 0))
+    first = np.flatnonzero(new)
+    counts = np.diff(np.append(first, len(cells)))
+    parts = []
+    for start, count in zip(cells[first].tolist(), counts.tolist(), strict=True):
+        left, top = panel.left + start % width * cell, panel.top + start // width * cell
+        # A little overlap leaves no seams between the cells.
+        parts.append(f"M{px(left)} {px(top)}h{px(count * cell + 0.2)}v{px(cell + 0.2)}H{px(left)}z")
+    return "".join(parts)
+
+
+def _histogram(values: Floats, areas: Floats, mean: float, unit: str) -> Element:
+    """Share of the area by thickness."""
+    low, high = extent(values)
+    low = min(low, 0.0)
+    shares, edges = np.histogram(values, bins=BINS, range=(low, high), weights=areas / np.sum(areas) * 100.0)
+    panel = Panel(66, 18, 930, 110, (low, high), (0.0, float(shares.max()) * 1.08))
+    nodes = panel.drawn(heading_of(("% of the area ", "first"), (f"over thickness{unit}", "")), [], [])
+    sides, tops, foot = panel.across(edges).tolist(), panel.down(shares).tolist(), px(panel.down(0.0))
+    bars = "".join(
+        f"M{px(left)} {foot}V{px(top)}H{px(right)}V{foot}z"
+        for left, right, top, share in zip(sides[:-1], sides[1:], tops, shares.tolist(), strict=True)
+        if share > 0.0
+    )
+    nodes.append(element("path", d=bars, class_="used"))
+    at = px(panel.across(mean))
+    nodes.append(element("path", d=f"M{at} {px(panel.top)}v{panel.height}", class_="limit free"))
+    return element("figure", svg(1016, 150, *nodes, label="Histogram of the thickness"))
+
+
+def _arrow(across: Floats, down: Floats) -> str:
+    """An arrowhead in the middle of a way."""
+    middle = max(len(across) // 2, 1)
+    tip = np.array([across[middle], down[middle]])
+    way = tip - [across[middle - 1], down[middle - 1]]
+    length = float(np.hypot(*way))
+    if not length > 0.0:
+        return ""
+    ahead = way / length
+    left = np.array([ahead[1], -ahead[0]])
+    corners = (tip + 3 * ahead, tip - 3 * ahead + 2.2 * left, tip - 3 * ahead - 2.2 * left)
+    return "M" + "L".join(f"{px(x)} {px(y)}" for x, y in corners) + "z"
+
+
+def _scale_bar(panel: Panel, scale: float) -> Element:
+    """A bar of a round length, to the right of the plan at its foot."""
+    length = ticks(0.0, 90.0 / scale, 3)[-1]
+    left, down = panel.left + panel.width + 24, panel.top + panel.height
+    bar = element("path", d=f"M{px(left)} {px(down - 4)}v4h{px(length * scale)}v-4", class_="scale")
+    return element("g", bar, element("text", f"{plain(length)} mm", x=px(left), y=px(down - 8), class_="tick"))
+
+
+def _colours(left: float, top: float, coat: Coat, highest: float) -> list[Element]:
+    """Colours of the thickness with their values."""
+    size = 14.0
+    unit = "of the mean" if coat.relative else "um"
+    nodes = [
+        element("text", "thickness", x=px(left), y=px(top + 8), class_="tick"),
+        element("text", unit, x=px(left), y=px(top + 20), class_="tick"),
+    ]
+    top += 30
+    for colour in range(COLOURS):
+        down = top + size * (COLOURS - 1 - colour)
+        nodes.append(element("rect", x=px(left), y=px(down), width=16, height=size, class_=f"fill e{colour}"))
+    for i in range(0, COLOURS + 1, 2):
+        at = top + size * (COLOURS - i)
+        nodes.append(element("text", plain(highest * i / COLOURS), x=px(left + 21), y=px(at + 4), class_="tick"))
+    return nodes

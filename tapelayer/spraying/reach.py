@@ -1,0 +1,141 @@
+"""Reach: where a part lies in the machine, and what of its surface the gun's point P can go along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.geometry.mesh import Mesh
+from tapelayer.geometry.slicing import slice, strip_widths, upper_envelope
+from tapelayer.machines.machine import Machine
+from tapelayer.machines.wrist import Wrist, reachable
+from tapelayer.setups.sections import DEG, MM
+from tapelayer.spraying.settings import SpraySetup
+
+# Two points nearer to each other are one, metres.
+SAME_POINT = 1e-12
+# Metres by which rounding may bring a point beyond the travel.
+ROUNDING = 1e-9
+
+
+def placement(mesh: Mesh, setup: SpraySetup, machine: Machine) -> tuple[Floats, Floats]:
+    """Rotation (3, 3) and origin (3,) in metres that bring the part's frame into `machine`: rotation p + origin."""
+    turn = setup.part.rotation_deg * DEG
+    rotation = Rotation.from_euler("z", turn).as_matrix()
+    vertices = mesh.vertices @ rotation.T
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    origin = []
+    for column, value in enumerate((setup.part.x_mm, setup.part.y_mm, setup.part.z_mm)):
+        axis = machine.axis("xyz"[column])
+        if value != "auto":
+            origin.append(float(value) * MM)
+        elif axis.name == "z":
+            origin.append(max(axis.lower, 0.0) - low[column])
+        else:
+            origin.append((axis.lower + axis.upper - low[column] - high[column]) / 2)
+    return rotation, np.array(origin)
+
+
+def placed(mesh: Mesh, rotation: Floats, origin: Floats) -> Mesh:
+    """The mesh in `machine`."""
+    return replace(mesh, vertices=mesh.vertices @ rotation.T + origin)
+
+
+def wrist_of(setup: SpraySetup, machine: Machine) -> Wrist:
+    """What the gun's direction may do."""
+    return Wrist(machine.axis("theta"), machine.axis("phi"), setup.speed, setup.max_deviation)
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """Pieces of sections that can be sprayed, in the order of planes and of travel.
+
+    Attributes:
+        begins: (n, 3) metres.
+        ends: (n, 3) metres.
+        facets: (n,) facet of each.
+        planes: (n,) plane of each.
+        goes_on: (n, 2) whether the section goes on at its begin and end without a further piece.
+    """
+
+    begins: Floats
+    ends: Floats
+    facets: Ints
+    planes: Ints
+    goes_on: Mask
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        for name in ("begins", "ends", "facets", "planes", "goes_on"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def lengths(self) -> Floats:
+        """Length (n,) of each piece in metres."""
+        lengths: Floats = np.linalg.norm(self.ends - self.begins, axis=1)
+        return lengths
+
+
+class Reach:
+    """A surface, and what of it can be sprayed: seen from above, inside the travel, at an angle that the wrist has.
+
+    Args:
+        mesh: in `machine`.
+        setup: the job's values.
+        machine: the robot, with the setup's limits already in it.
+    """
+
+    def __init__(self, mesh: Mesh, setup: SpraySetup, machine: Machine) -> None:
+        self.mesh, self.min_normal_z = mesh, setup.spray.min_normal_z
+        self.normals = mesh.upward_normals
+        axes = [machine.axis(name) for name in "xyz"]
+        self.box = np.array([[axis.lower for axis in axes], [axis.upper for axis in axes]])
+        self.wrist = wrist_of(setup, machine)
+        # Facets that can be sprayed as far as the wrist is concerned; a planner may give up more of them.
+        self.facets = reachable(self.wrist, self.normals, np.full(len(self.normals), setup.max_deviation))
+
+    def segments(self, direction: Floats, heights: Floats) -> tuple[Segments, float]:
+        """What of the sections with planes P can go along, and the share of the area beyond the travel.
+
+        Args:
+            direction: (3,) unit normal of the planes, level.
+            heights: (p,) distance of each plane from the origin, metres.
+        """
+        sections = upper_envelope(self.mesh, slice(self.mesh, direction, heights), self.min_normal_z)
+        rows = sections.segments
+        begins, ends, facets = sections.points[rows], sections.points[rows + 1], sections.facets[rows]
+        first, last = _clipped(begins, ends - begins, self.box + [[-ROUNDING], [ROUNDING]])
+        inside = ((last - first) * sections.lengths > SAME_POINT) & self.facets[facets]
+        areas = sections.lengths * strip_widths(self.normals[facets], direction, 1.0)
+        lost = float(np.sum(np.where(inside, 1.0 - (last - first), 1.0) * areas))
+        total = float(np.sum(areas))
+        ways = ends - begins
+        segments = Segments(
+            begins=np.where((first > 0.0)[:, None], begins + first[:, None] * ways, begins)[inside],
+            ends=np.where((last < 1.0)[:, None], begins + last[:, None] * ways, ends)[inside],
+            facets=facets[inside],
+            planes=np.repeat(sections.planes, np.diff(sections.offsets) - 1)[inside],
+            goes_on=np.zeros((int(np.sum(inside)), 2), dtype=np.bool_),
+        )
+        return segments, lost / total if total else 0.0
+
+    def holds(self, points: Floats, normals: Floats) -> Mask:
+        """Whether points (n, 3) in metres are inside the travel, and the wrist has angles for their normals (n, 3)."""
+        inside = np.all((points >= self.box[0] - ROUNDING) & (points <= self.box[1] + ROUNDING), axis=1)
+        held: Mask = inside & reachable(self.wrist, normals, np.full(len(normals), self.wrist.max_deviation))
+        return held
+
+
+def _clipped(begins: Floats, ways: Floats, box: Floats) -> tuple[Floats, Floats]:
+    """Shares (n,) of each way at which it enters and leaves a box (2, 3); equal where it does not meet it."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = (box[:, None, :] - begins) / ways
+    # Along an axis in which it does not move, a way is inside from its begin to its end or not at all.
+    still, within = ways == 0.0, (begins >= box[0]) & (begins <= box[1])
+    enters = np.where(still, np.where(within, 0.0, 1.0), np.minimum(shares[0], shares[1]))
+    leaves = np.where(still, np.where(within, 1.0, 0.0), np.maximum(shares[0], shares[1]))
+    first, last = np.clip(np.max(enters, axis=1), 0.0, 1.0), np.clip(np.min(leaves, axis=1), 0.0, 1.0)
+    return first, np.maximum(first, last)

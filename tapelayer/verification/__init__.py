@@ -1,0 +1,1 @@
+"""What the judges of both machines share."""
