@@ -31,14 +31,17 @@ from rich.console import Console
 from rich.table import Table
 
 from tapelayer.arrays import Floats
-from tapelayer.courses.course_file import Course, read_courses
+from tapelayer.courses.course import Course
+from tapelayer.courses.course_file import read_courses
 from tapelayer.laying.inspection import LEAST_SAMPLES
 from tapelayer.laying.job import Job
-from tapelayer.laying.program import place
+from tapelayer.laying.placing import courses_in_machine
+from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Kind, Trajectory
-from tapelayer.setups.sections import MM, Setup, parse_setup
+from tapelayer.setups.sections import parse_setup
+from tapelayer.units import MM
 from tapelayer.verification.verified import Verified
 
 ROUNDS = 5
@@ -323,7 +326,7 @@ def blocks_of(trajectory: Trajectory, limit: int) -> list[Block]:
 
 def surface(courses: Sequence[Course], setup: Setup) -> tuple[Floats, Floats, Floats]:
     """Points, normals and tangents (n, 3) of all courses in `machine` axes."""
-    paths = place(courses, setup)
+    paths = courses_in_machine(courses, setup)
     tangents = np.concatenate([np.gradient(path.points, path.arc_lengths, axis=0) for path in paths])
     return np.concatenate([path.points for path in paths]), np.concatenate([path.normals for path in paths]), tangents
 

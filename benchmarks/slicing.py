@@ -22,7 +22,8 @@ from vtk.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to
 
 from tapelayer.arrays import Floats, Ints
 from tapelayer.geometry import slicing
-from tapelayer.geometry.mesh import Mending, Mesh
+from tapelayer.geometry.mending import Mending
+from tapelayer.geometry.mesh import Mesh
 
 PLANES = 500
 ROUNDS = 3

@@ -17,7 +17,8 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from tapelayer.arrays import Floats, Mask
 from tapelayer.courses.course_file import read_courses
-from tapelayer.geometry.toolpath import Curve, Toolpath, placed
+from tapelayer.geometry.curves import Curve
+from tapelayer.geometry.toolpath import Toolpath, to_machine
 from tapelayer.machines import gantry
 from tapelayer.machines.machine import Machine
 
@@ -48,7 +49,7 @@ class Camera:
 def main() -> None:
     """Pose, trace, put the close-up in its corner, write."""
     machine = Machine.load()
-    courses = [placed(course, (0.0, 0.0, 0.0), PART_ORIGIN, 0.0) for course in read_courses(COURSES)]
+    courses = [to_machine(course, (0.0, 0.0, 0.0), PART_ORIGIN, 0.0) for course in read_courses(COURSES)]
     q = laying_pose(machine, courses[AT_COURSE])
     scene = Scene([*machine_meshes(machine, q), *part_meshes(courses), floor()])
     whole = scene.picture(Camera((8.6, -3.5, 2.0), (0.95, -0.72, -0.66), 36.5, 1200, 750))

@@ -107,7 +107,7 @@ class _Layout:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
+class _TextRows:
     """Numbered rows of the program, in order: those of the blocks, and fixed texts.
 
     Attributes:
@@ -306,7 +306,7 @@ def _rows(
     starts: Ints,
     controller: Controller,
     levels: Mapping[Event, float],
-) -> _Rows:
+) -> _TextRows:
     """Rows with modal G and feed words, and the fixed texts between."""
     blocks = layout.blocks
     epochs = np.cumsum(np.bincount(starts, minlength=len(trajectory)))[blocks]
@@ -362,7 +362,7 @@ def _rows(
         if controller.u_reset == "course" and tape is not None and tape.written[:start].any():
             insert(at, [f"{codes.set_position} {tape.axis.address}0"])
     insert(len(blocks), controller.blocks.end[:1])
-    return _Rows(
+    return _TextRows(
         layout=_Layout(
             blocks=np.insert(blocks, before, -1),
             plain=np.insert(layout.plain, before, False),
@@ -421,7 +421,7 @@ def _feed_digits(feeds: Floats, digits: int) -> tuple[Ints, Ints]:
 
 
 def _body(
-    rows: _Rows, columns: Sequence[Column], circles: arcs.Circles, controller: Controller, comments: Sequence[bytes]
+    rows: _TextRows, columns: Sequence[Column], circles: arcs.Circles, controller: Controller, comments: Sequence[bytes]
 ) -> Iterator[bytes]:
     """Text of the rows with the courses' comments in their places, piece by piece."""
     remaining = iter(comments)
@@ -449,7 +449,7 @@ def _body(
 
 
 def _page(
-    rows: _Rows, page: slice, columns: Sequence[Column], circles: arcs.Circles, controller: Controller
+    rows: _TextRows, page: slice, columns: Sequence[Column], circles: arcs.Circles, controller: Controller
 ) -> list[tuple[Ints | None, Cells]]:
     """Cells of a slice of the rows."""
     layout = rows.layout

@@ -6,15 +6,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tapelayer.courses.course_file import Course, read_courses, write_courses
+    from tapelayer.courses.course import Course
+    from tapelayer.courses.course_file import read_courses, write_courses
     from tapelayer.errors import TapelayerError
     from tapelayer.laying.inspection import verify
     from tapelayer.laying.job import Job
     from tapelayer.laying.program import plan
+    from tapelayer.laying.settings import Setup
     from tapelayer.machines.gantry import inverse
     from tapelayer.machines.machine import Machine
     from tapelayer.motion.trajectory import Trajectory
-    from tapelayer.setups.sections import Setup, read_setup
+    from tapelayer.setups.sections import read_setup
     from tapelayer.verification.verified import Verified
 
 __all__ = [
@@ -34,10 +36,10 @@ __all__ = [
 ]
 
 _ROOMS = {
-    "Course": "courses.course_file",
+    "Course": "courses.course",
     "Job": "laying.job",
     "Machine": "machines.machine",
-    "Setup": "setups.sections",
+    "Setup": "laying.settings",
     "TapelayerError": "errors",
     "Trajectory": "motion.trajectory",
     "Verified": "verification.verified",

@@ -26,7 +26,7 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class SampleTable:
     """Columns of samples that belong together: a table whose fields are arrays with a row a sample."""
 
     # Shape of a row, and type, of the columns that are not one number a row, for a table without rows.

@@ -18,15 +18,18 @@ from rich.table import Table
 
 from post import controllers
 from tapelayer.atomic_files import write_files
-from tapelayer.courses.course_file import Course, read_courses
+from tapelayer.courses.course import Course
+from tapelayer.courses.course_file import read_courses
 from tapelayer.dispatch import run
-from tapelayer.errors import Fault, ProgramRefused, SetupRefused
+from tapelayer.errors import InputFault, ProgramRefused, SetupRefused
 from tapelayer.geometry.mesh import Unit
 from tapelayer.laying.job import Job, Made, machine_of
+from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
-from tapelayer.setups.sections import DEG, MM, Setup, default_text, read_setup
+from tapelayer.setups.sections import default_text, read_setup
 from tapelayer.spraying.job import SprayJob, SprayMade
 from tapelayer.spraying.settings import SpraySetup
+from tapelayer.units import DEG, MM
 from tapelayer.workbench import command
 
 app = typer.Typer(
@@ -79,7 +82,7 @@ def export(
 ) -> None:
     """Plan, write, read back and verify an NC program; nothing that fails is written."""
     program, to_stdout = _target(target, courses)
-    with _Steps(quiet, verbose) as steps:
+    with _ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {courses}")
         made = _job(courses, setup, controller, kinematics).make(str(program), steps)
         if made.failure:
@@ -120,7 +123,7 @@ def verify(
     else:
         _refuse("--direction-deg", direction_deg, "models")
         _refuse("--pitch-mm", pitch_mm, "models")
-    with _Steps(quiet, verbose) as steps:
+    with _ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {source}")
         text = _bytes(program)
         if is_model:
@@ -160,7 +163,7 @@ def spray(
 ) -> None:
     """Plan, write, read back and verify a spraying program; nothing that fails is written."""
     program, to_stdout = _target(target, model)
-    with _Steps(quiet, verbose) as steps:
+    with _ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {model}")
         made = _spray_job(model, setup, unit, controller, direction_deg, pitch_mm).make(str(program), steps)
         if made.failure:
@@ -247,7 +250,7 @@ def demo(
 app.command(epilog=command.EPILOG)(command.serve)
 
 
-class _Steps:
+class _ProgressBar:
     """What is under way, on stderr: a progress bar on a terminal, a line a step where asked for.
 
     Args:
@@ -351,7 +354,7 @@ def _bytes(name: str) -> bytes:
 def _refuse(option: str, value: object, owner: str) -> None:
     """Refuse an option that says something of the other machine's sources."""
     if value is not None:
-        raise SetupRefused(option, [Fault(0, f"belongs to {owner}; leave it out here")])
+        raise SetupRefused(option, [InputFault(0, f"belongs to {owner}; leave it out here")])
 
 
 def _spray_job(

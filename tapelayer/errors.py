@@ -37,7 +37,7 @@ class TapelayerError(Exception):
 
 
 @dataclass(frozen=True)
-class Fault:
+class InputFault:
     """One fault of a file.
 
     Attributes:
@@ -61,7 +61,7 @@ class InputRefused(TapelayerError):
         faults: every fault found, in file order.
     """
 
-    def __init__(self, name: str, faults: Sequence[Fault]) -> None:
+    def __init__(self, name: str, faults: Sequence[InputFault]) -> None:
         self.name = name
         self.faults = tuple(faults)
         super().__init__(self._text())
@@ -69,7 +69,7 @@ class InputRefused(TapelayerError):
     @classmethod
     def unreadable(cls, name: str, error: OSError) -> Self:
         """The refusal of a file that the system does not give."""
-        return cls(name, [Fault(0, f"cannot be read: {(error.strerror or str(error)).lower()}")])
+        return cls(name, [InputFault(0, f"cannot be read: {(error.strerror or str(error)).lower()}")])
 
     def _text(self) -> str:
         lines = []

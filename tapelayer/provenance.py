@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib.metadata import version
 
-from tapelayer.errors import Fault, ProgramOfOtherSetup
+from tapelayer.errors import InputFault, ProgramOfOtherSetup
 
 VERSION = version("tapelayer")
 
@@ -43,7 +43,7 @@ class Provenance:
                 f"its header names the setup {named[:12]}..., this one is {self.setup_sha256[:12]}...; "
                 "give the setup it was made with (options count, too), or judge it by this one with --force"
             )
-            raise ProgramOfOtherSetup(program, [Fault(0, sentence)])
+            raise ProgramOfOtherSetup(program, [InputFault(0, sentence)])
 
     def remarks(self, named: str, program: str, source: str) -> tuple[str, ...]:
         """A sentence where a program's header names another source.

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from tapelayer.errors import Fault, InputRefused
+from tapelayer.errors import InputFault, InputRefused
 
 # A key of many dots, or a number of very many digits, takes a parser of TOML more memory and time than there is.
 MOST_BYTES = 1 << 18
@@ -28,27 +28,29 @@ def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict
         InputRefused: `refused`, where the bytes are too many, no UTF-8 or no TOML.
     """
     if len(data) > MOST_BYTES:
-        raise refused(name, [Fault(0, f"has {len(data)} bytes, expected at most {MOST_BYTES}; is it the right file?")])
+        raise refused(
+            name, [InputFault(0, f"has {len(data)} bytes, expected at most {MOST_BYTES}; is it the right file?")]
+        )
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise refused(name, [Fault(0, f"byte {error.start} is not UTF-8; save the file as UTF-8")]) from None
+        raise refused(name, [InputFault(0, f"byte {error.start} is not UTF-8; save the file as UTF-8")]) from None
     # Only these end a line of TOML.
     for number, line in enumerate(text.split("\n"), 1):
         if len(line) > LONGEST_LINE:
             sentence = f"the line has {len(line)} characters, expected at most {LONGEST_LINE}; break it"
-            raise refused(name, [Fault(number, sentence)])
+            raise refused(name, [InputFault(number, sentence)])
         if KEY_OF_DOTS.search(line):
-            raise refused(name, [Fault(number, "the line has a name with more than 16 dots; use fewer")])
+            raise refused(name, [InputFault(number, "the line has a name with more than 16 dots; use fewer")])
     try:
         return tomllib.loads(text), text
     except tomllib.TOMLDecodeError as error:
         message = str(error)
         place = re.search(r"\(at line (\d+), column (\d+)\)", message)
         at = (int(place[1]), int(place[2])) if place else (0, 0)
-        raise refused(name, [Fault(at[0], f"not TOML: {message.split(' (at ')[0].lower()}", at[1])]) from None
+        raise refused(name, [InputFault(at[0], f"not TOML: {message.split(' (at ')[0].lower()}", at[1])]) from None
     except RecursionError:
-        raise refused(name, [Fault(0, "tables or arrays are nested too deeply to be read")]) from None
+        raise refused(name, [InputFault(0, "tables or arrays are nested too deeply to be read")]) from None
 
 
 def toml_text(tables: Mapping[str, Mapping[str, Any]]) -> str:

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.helpers.paths import SHARED
+
 # A slow machine is no fault of the code: no example has to be done in a given time.
 settings.register_profile("project", deadline=None)
 settings.load_profile("project")
-
-SHARED = Path(__file__).parents[2] / "shared" / "data"
 
 
 @pytest.fixture(scope="session")

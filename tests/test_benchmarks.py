@@ -12,11 +12,13 @@ import pytest
 
 from benchmarks import pipeline
 from tapelayer.courses.course_file import read_courses
-from tapelayer.geometry.toolpath import Curve
+from tapelayer.geometry.curves import Curve
 from tapelayer.laying.job import Job
-from tapelayer.laying.program import place
+from tapelayer.laying.placing import courses_in_machine
+from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
-from tapelayer.setups.sections import MM, Setup, parse_setup
+from tapelayer.setups.sections import parse_setup
+from tapelayer.units import MM
 
 POINTS = 4000
 SETUP = parse_setup(pipeline.SETUP.encode(), "setup", Setup)
@@ -86,7 +88,7 @@ def test_both_ways_write_the_same_blocks(path: Path) -> None:
 
 def test_both_ways_plan_the_same_poses(job: Job, path: Path) -> None:
     planned = pipeline.plan_by_point(pipeline.read_by_line(path), SETUP, job.machine)
-    for blocks, course in zip(planned, place(job.courses, SETUP), strict=True):
+    for blocks, course in zip(planned, courses_in_machine(job.courses, SETUP), strict=True):
         assert [code for code, _, _ in blocks] == ["G00", *["G01"] * (len(course.points) - 1)]
         joints = np.array([values[:5] for _, _, values in blocks])
         exact = gantry.inverse(job.machine, *Curve(course).at_knots())[0]

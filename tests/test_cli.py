@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from tapelayer.setups.sections import Setup, default_text
+from tapelayer.laying.settings import Setup
+from tapelayer.setups.sections import default_text
+from tests.helpers.paths import ROOT
 
-ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 FLAT = EXAMPLES / "flat_panel_00.txt"
 SWAPPED = "[machine]\nlimits_deg = {c = [-180, 180], a = [-30, 30]}\n"

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
-from tapelayer.errors import ControllerRefused, Fault
+from tapelayer.errors import ControllerRefused, InputFault
 from tapelayer.motion.trajectory import Event
 from tapelayer.toml_files import read_toml
 
@@ -162,7 +162,7 @@ class Feed(_Table):
     digits: Annotated[int, Field(ge=6, le=9)] = 6
 
 
-class Arcs(_Table):
+class ArcRule(_Table):
     """Circular blocks.
 
     Attributes:
@@ -208,7 +208,7 @@ class Controller(_Table):
     events: dict[EventName, EventWords]
     events_at_rest: dict[EventName, EventWords] = {}
     levels: dict[EventName, Letter] = {}
-    arcs: Arcs
+    arcs: ArcRule
 
     @model_validator(mode="after")
     def _lint(self) -> Self:
@@ -300,7 +300,7 @@ class Controller(_Table):
         found = [(axis, index) for axis in self.axes for index in range(len(joints)) if joints[index] in axis.joints]
         written = {index for _, index in found}
         faults = [
-            Fault(0, f"has no address for axis {joint}; use a controller that has, or add it to the table's axes")
+            InputFault(0, f"has no address for axis {joint}; use a controller that has, or add it to the table's axes")
             for index, joint in enumerate(joints)
             if index not in written
         ]
@@ -308,7 +308,7 @@ class Controller(_Table):
             sharing = [joints[index] for other, index in found if other is axis]
             if len(sharing) > 1:
                 faults.append(
-                    Fault(0, f"axes {' and '.join(sharing)} share address {axis.address}; the machine has both")
+                    InputFault(0, f"axes {' and '.join(sharing)} share address {axis.address}; the machine has both")
                 )
         if faults:
             raise ControllerRefused(f"controller {self.name}", faults)
@@ -354,12 +354,12 @@ def load(name_or_path: str) -> Controller:
         near = difflib.get_close_matches(name_or_path, names(), 1, 0.4)
         advice = f"did you mean {near[0]}?" if near else f"there are {', '.join(names())}"
         sentence = f"is not a built-in controller; {advice} A table of your own is named by its path, ending in .toml"
-        raise ControllerRefused(name_or_path, [Fault(0, sentence)])
+        raise ControllerRefused(name_or_path, [InputFault(0, sentence)])
     try:
         data = Path(name_or_path).read_bytes()
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise ControllerRefused(name_or_path, [Fault(0, f"cannot be read: {reason}")]) from None
+        raise ControllerRefused(name_or_path, [InputFault(0, f"cannot be read: {reason}")]) from None
     return parse(data, name_or_path)
 
 
@@ -377,7 +377,9 @@ def parse(data: bytes, path: str) -> Controller:
     """
     table, text = read_toml(data, path, ControllerRefused)
     if "name" in table:
-        raise ControllerRefused(path, [Fault(_line(text, ("name",)), "unknown key name; the file's name is the name")])
+        raise ControllerRefused(
+            path, [InputFault(_line(text, ("name",)), "unknown key name; the file's name is the name")]
+        )
     try:
         return Controller.model_validate({"name": Path(path).stem, **table})
     except ValidationError as error:
@@ -385,13 +387,13 @@ def parse(data: bytes, path: str) -> Controller:
         raise ControllerRefused(path, sorted(faults, key=lambda fault: (fault.line, fault.sentence))) from None
 
 
-def _worded(text: str, found: ErrorDetails) -> list[Fault]:
+def _worded(text: str, found: ErrorDetails) -> list[InputFault]:
     """What validation found, in sentences of one fault each."""
     place = found["loc"]
     if not place:
         # The lint's own sentences begin with the place they speak of.
         sentences = found["msg"].removeprefix("Value error, ").splitlines()
-        return [Fault(_line(text, tuple(sentence.split(":")[0].split("."))), sentence) for sentence in sentences]
+        return [InputFault(_line(text, tuple(sentence.split(":")[0].split("."))), sentence) for sentence in sentences]
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
     if found["type"] == "extra_forbidden" or place[-1] == "[key]":
         known = _known(place)
@@ -404,7 +406,7 @@ def _worded(text: str, found: ErrorDetails) -> list[Fault]:
         message, shown = found["msg"], repr(found["input"])
         shown = shown if len(shown) <= 40 else shown[:37] + "..."
         sentence = f"{where}: {message[0].lower()}{message[1:]}, got {shown}"
-    return [Fault(_line(text, place), sentence)]
+    return [InputFault(_line(text, place), sentence)]
 
 
 def _known(place: tuple[int | str, ...]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Outline: how far points are from a part, seen from above."""
+"""Plan coverage: how far points are from a part, seen from above."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tapelayer.geometry.mesh import Mesh
 _PAIRS = 1 << 21
 
 
-class Outline:
+class PlanCoverage:
     """A part from above: the edges that can bound what it covers, and its facets.
 
     Args:

@@ -38,7 +38,7 @@ class Toolpath:
         return float(self.arc_lengths[-1] - self.arc_lengths[0])
 
 
-def placed(
+def to_machine(
     toolpath: Toolpath, rotation: tuple[float, float, float], origin: tuple[float, float, float], thickness: float
 ) -> Toolpath:
     """Toolpath in `machine` axes, lifted by the plies already laid.
@@ -68,38 +68,3 @@ def _arc_lengths(parameters: Floats, points: Floats) -> Floats:
     samples = parameters[:-1, None] + half[:, None] * (1 + nodes)
     speeds = np.linalg.norm(slope(samples), axis=2)
     return np.concatenate([[0.0], np.cumsum(half * (speeds @ weights))])
-
-
-class Curve:
-    """The curve of a toolpath: a not-a-knot cubic spline over arc length (2 points a line, 3 a parabola).
-
-    Normals are the same spline by component, renormalised; tangents are its derivative, not projected.
-
-    Args:
-        toolpath: the samples; arc length 0 of the curve is the first sample.
-    """
-
-    def __init__(self, toolpath: Toolpath) -> None:
-        self.knots = frozen(toolpath.arc_lengths - toolpath.arc_lengths[0])
-        self.length = float(self.knots[-1])
-        # Two points make a line and three a parabola by SciPy's own rule for not-a-knot ends.
-        self._spline = CubicSpline(self.knots, np.hstack([toolpath.points, toolpath.normals]), bc_type="not-a-knot")
-        self._slope = self._spline.derivative()
-        self._toolpath = toolpath
-
-    def at_knots(self) -> tuple[Floats, Floats, Floats]:
-        """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at the toolpath's samples."""
-        # A piece of the spline has its slope at its begin as a coefficient.
-        tangents = np.vstack([self._spline.c[2, :, :3], self._slope(self.knots[-1:])[:, :3]])
-        return self._toolpath.points, self._toolpath.normals, _unit(tangents)
-
-    def at(self, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
-        """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at (n,) arc lengths in metres."""
-        values = self._spline(arc_lengths)
-        tangents = self._slope(arc_lengths)[:, :3]
-        return values[:, :3], _unit(values[:, 3:]), _unit(tangents)
-
-
-def _unit(vectors: Floats) -> Floats:
-    lengths: Floats = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None]
-    return vectors / lengths

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask
-from tapelayer.errors import BladesMeet, CourseLongerThanRoll, CutAngleTooSmall, CutsCross, TapeWiderThanTravel
+from tapelayer.errors import CourseLongerThanRoll, CutAngleTooSmall, CutsCross
+from tapelayer.laying.head import Head, check_head
 
 # Two lines that part by no more than this over the width and both clearances are one line.
 SAME_LINE = 1e-5
@@ -28,56 +28,6 @@ ANGLE_ROUNDING = 1e-9
 LEFT, RIGHT, EITHER = 1, -1, 0
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Head:
-    """The tape head's measures, in metres and radians.
-
-    Attributes:
-        tape_width: width of the tape.
-        knife_to_nip: tape path from knife 1 to the nip on a level surface.
-        knife_pitch: knife 2 stands upstream of knife 1 by this.
-        knife_clearance: a sweep's run beyond both edges of the tape.
-        scrap_margin: least waste between two cuts that are not one.
-        blade_length: least distance between the two blades.
-        travel_v: lower and upper end of knife 1's slide, left positive.
-        travel_q: lower and upper end of knife 2's slide, left positive.
-        minimum_cut_angle: least angle between a cut and the tape's edge.
-        roll_length: tape on one roll.
-    """
-
-    tape_width: float
-    knife_to_nip: float
-    knife_pitch: float
-    knife_clearance: float
-    scrap_margin: float
-    blade_length: float
-    travel_v: tuple[float, float]
-    travel_q: tuple[float, float]
-    minimum_cut_angle: float
-    roll_length: float
-
-    @property
-    def reach(self) -> float:
-        """Distance from the centre line to a sweep's start and end, in metres."""
-        return self.tape_width / 2.0 + self.knife_clearance
-
-
-def _check_head(head: Head) -> None:
-    for axis, knife, (lower, upper) in (("v", 1, head.travel_v), ("q", 2, head.travel_q)):
-        if not (lower <= -head.reach and head.reach <= upper):
-            widest = max(0.0, 2e3 * (min(-lower, upper) - head.knife_clearance))
-            raise TapeWiderThanTravel(
-                f"tape of {head.tape_width * 1e3:g} mm needs knife {knife} (axis {axis}) from {-head.reach * 1e3:g} to "
-                f"{head.reach * 1e3:g} mm, {head.knife_clearance * 1e3:g} mm beyond both edges, but it travels from "
-                f"{lower * 1e3:g} to {upper * 1e3:g} mm; the widest tape is {widest:g} mm"
-            )
-    if not head.blade_length <= head.knife_pitch:
-        raise BladesMeet(
-            f"blades of {head.blade_length * 1e3:g} mm would meet, as the knives pass each other at "
-            f"{head.knife_pitch * 1e3:g} mm; blade_length_mm must not be more"
-        )
 
 
 def _cots(head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: Floats) -> Floats:
@@ -135,7 +85,7 @@ class _Roll(NamedTuple):
     pitch: float
 
 
-class Made(NamedTuple):
+class AssignedCut(NamedTuple):
     """A sweep that a knife (0 or 1) makes from u = begin to end, how it stood before, and the sweep before that."""
 
     knife: int
@@ -146,7 +96,7 @@ class Made(NamedTuple):
     left_u: float
     left_side: int
     left_blade: float
-    earlier: Made | None
+    earlier: AssignedCut | None
 
 
 class _State(NamedTuple):
@@ -164,10 +114,10 @@ class _State(NamedTuple):
     sides: tuple[int, int]
     blades: tuple[float, float]
     cost: tuple[int, float, int, int]
-    made: Made | None
+    made: AssignedCut | None
 
 
-class _Lie(NamedTuple):
+class _Placement(NamedTuple):
     """Where a course comes to lie, and every way the knives can do it: none where the roll does not hold it."""
 
     station: float
@@ -176,7 +126,7 @@ class _Lie(NamedTuple):
     states: Sequence[_State]
 
 
-class Placed(NamedTuple):
+class Assignment(NamedTuple):
     """Courses and cuts on the tape, and the sweep that makes each cut.
 
     Attributes:
@@ -199,15 +149,17 @@ class Placed(NamedTuple):
     cut_stations: Floats
     cut_angles: Floats
     square: Mask
-    made: list[Made]
+    made: list[AssignedCut]
 
 
-_AT_FIRST = _State((0.0, 0.0), (LEFT, RIGHT), (math.nan, math.nan), (0, 0.0, 0, 0), None)
+_INITIAL = _State((0.0, 0.0), (LEFT, RIGHT), (math.nan, math.nan), (0, 0.0, 0, 0), None)
 
 
-def place_courses(head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: Floats, wraps: Floats) -> Placed:
+def assign_stations(
+    head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: Floats, wraps: Floats
+) -> Assignment:
     """Stations and sweeps of a ply; arguments and errors as `tapelayer.laying.tape_plan.plan_tape`."""
-    _check_head(head)
+    check_head(head)
     cots = _cots(head, numbers, lengths, cut_angles)
     courses = [
         _Course(
@@ -219,7 +171,7 @@ def place_courses(head: Head, numbers: Sequence[int], lengths: Floats, cut_angle
     ]
     # Whatever a knife did before this much tape, it has all the feed it needs for every sweep to come.
     past = float(np.max(np.abs(cots))) * head.reach + head.knife_pitch + MOVE_FEED
-    states: Sequence[_State] = [_AT_FIRST]
+    states: Sequence[_State] = [_INITIAL]
     stations: list[float] = []
     rolls: list[int] = []
     roll_u: list[float] = []
@@ -256,13 +208,13 @@ def place_courses(head: Head, numbers: Sequence[int], lengths: Floats, cut_angle
         cut_stations.append(end)
         cut_owners.append((k, 1))
 
-    made: list[Made] = []
+    made: list[AssignedCut] = []
     last = min(states, key=lambda state: state.cost).made
     while last is not None:
         made.append(last)
         last = last.earlier
     owners = tuple(np.array(cut_owners).T)
-    return Placed(
+    return Assignment(
         np.array(stations),
         np.array(rolls),
         np.array(roll_u),
@@ -282,25 +234,27 @@ def _sweep(head: Head, angle: float, cot: float) -> _Sweep:
     return _Sweep(cot, half, RIGHT if cot > 0.0 else LEFT, blade)
 
 
-def _following(head: Head, states: Sequence[_State], course: _Course, before: _Sweep, end: float, roll: _Roll) -> _Lie:
+def _following(
+    head: Head, states: Sequence[_State], course: _Course, before: _Sweep, end: float, roll: _Roll
+) -> _Placement:
     """A course after the one that ends at station `end` with the cut `before`, on the same roll."""
     apart = abs(before.cot - course.lead.cot)
     one_line = 2.0 * head.reach * apart <= SAME_LINE
     if one_line and end + course.fed <= roll.limit:
         reached = _swept(states, end + course.length, course.trail, roll)
         if reached:
-            return _Lie(end, True, 0.0, reached)
+            return _Placement(end, True, 0.0, reached)
     formula = head.tape_width / 2.0 * apart + head.scrap_margin
     station = max(end + formula, _lowest(states, course, roll))
     # Cuts at one angle need no waste of their own: all of it is the knives'.
-    return _Lie(station, False, 0.0 if one_line else formula, _cut(states, station, course, roll))
+    return _Placement(station, False, 0.0 if one_line else formula, _cut(states, station, course, roll))
 
 
-def _leading(head: Head, states: Sequence[_State], course: _Course, roll: _Roll) -> _Lie:
+def _leading(head: Head, states: Sequence[_State], course: _Course, roll: _Roll) -> _Placement:
     """A roll's first course: the roll's leading edge is a square cut that it does not share."""
     formula = head.tape_width / 2.0 * abs(course.lead.cot) + head.scrap_margin
     station = max(roll.floor + formula, _lowest(states, course, roll))
-    return _Lie(station, False, formula, _cut(states, station, course, roll))
+    return _Placement(station, False, formula, _cut(states, station, course, roll))
 
 
 def _cut(states: Sequence[_State], station: float, course: _Course, roll: _Roll) -> Sequence[_State]:
@@ -333,7 +287,7 @@ def _swept(states: Sequence[_State], station: float, sweep: _Sweep, roll: _Roll)
                 state.cost[2] + crosses,
                 state.cost[3] + knife,
             )
-            made = Made(knife, begin, end, start, sweep.blade, free, side, blade, state.made)
+            made = AssignedCut(knife, begin, end, start, sweep.blade, free, side, blade, state.made)
             after.append(
                 _State(
                     _with(state.free, knife, end),
@@ -382,7 +336,7 @@ def _longer_than_roll(head: Head, numbers: Sequence[int], courses: Sequence[_Cou
     endless = _Roll(0.0, math.inf, head.knife_pitch)
     refused, sentences = [], []
     for number, course in zip(numbers, courses, strict=True):
-        lie = _leading(head, [_AT_FIRST], course, endless)
+        lie = _leading(head, [_INITIAL], course, endless)
         cut = min(max(state.free) for state in lie.states)
         needed = max(cut, lie.station + course.fed) + head.knife_pitch
         if not needed <= head.roll_length:

@@ -10,9 +10,11 @@ import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.laying.evidence import CutMade, LedgerRow, TapeLedger
+from tapelayer.laying.laid import Laid
+from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
-from tapelayer.setups.sections import DEG, MM, Setup
+from tapelayer.units import DEG, MM
 from tapelayer.verification.failures import Failure
 
 KNIVES = (("knife_1", Event.KNIFE_1_DOWN, Event.KNIFE_1_UP), ("knife_2", Event.KNIFE_2_DOWN, Event.KNIFE_2_UP))
@@ -22,31 +24,6 @@ SAME_LINE = 1e-5
 ROLL_DIGIT = 2e-6
 # A knife farther off than this from every line that the courses ask for makes none of them.
 STRAY = 1e-3
-
-
-@dataclass(frozen=True, eq=False)
-class Laid:
-    """A course as the program lays it.
-
-    Attributes:
-        number: in its file.
-        points: in its file.
-        cut_angles: (start, end) radians from travel towards the left.
-        length: metres.
-        station: of its start on the tape, metres, by the tape fed.
-        begin: seconds at which its laying begins.
-        end: seconds at which it ends.
-        out: (3,) unit tangent at its end, `machine` axes.
-    """
-
-    number: int
-    points: int
-    cut_angles: tuple[float, float]
-    length: float
-    station: float
-    begin: float
-    end: float
-    out: Floats
 
 
 @dataclass(frozen=True)
@@ -60,7 +37,7 @@ class _Line:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sweep:
+class _KnifePass:
     """A knife's way on the tape while it is down: (n,) stations, (n,) places across, (n, 2) blade directions."""
 
     knife: int
@@ -143,7 +120,7 @@ def _lines(courses: Sequence[Laid], fresh: Sequence[bool], setup: Setup) -> list
     return lines
 
 
-def _sweeps(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[_Sweep]:
+def _sweeps(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[_KnifePass]:
     """Everything that the knives do while they are down, in order."""
     delay = setup.head.delays_ms.knife * 1e-3
     sweeps = []
@@ -174,17 +151,17 @@ def _sweeps(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[_Swe
         parts = np.cumsum([len(moments) for *_, moments in spans])[:-1]
         columns = zip(np.split(-place[:, 0], parts), np.split(place[:, 1], parts), np.split(turned, parts), strict=True)
         for (number, down_row, begin, *_), (stations, across, blades) in zip(spans, columns, strict=True):
-            sweeps.append(_Sweep(number, down_row, begin, stations, across, blades))
+            sweeps.append(_KnifePass(number, down_row, begin, stations, across, blades))
     return sorted(sweeps, key=lambda sweep: sweep.begin)
 
 
 def _matched(
-    trajectory: Trajectory, courses: Sequence[Laid], lines: Sequence[_Line], sweeps: Sequence[_Sweep], setup: Setup
+    trajectory: Trajectory, courses: Sequence[Laid], lines: Sequence[_Line], sweeps: Sequence[_KnifePass], setup: Setup
 ) -> tuple[list[CutMade], list[Failure]]:
     """Every line with the sweep that cuts it; lines not cut, cut again, or not well, and sweeps that cut no line."""
     limits, reach = setup.verification, _reach(setup)
     stations = np.array([line.station for line in lines])
-    found: dict[int, list[_Sweep]] = {}
+    found: dict[int, list[_KnifePass]] = {}
     failures = []
     for sweep in sweeps:
         line_number = int(trajectory.lines[sweep.row])

@@ -8,13 +8,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from tapelayer.arrays import Floats
 from tapelayer.laying.evidence import Evidence, Samples
-from tapelayer.motion.trajectory import Kind, Trajectory
-from tapelayer.reporting.drawing import Curve, Panel, element, extent, heading_of, px, range_of, svg
-from tapelayer.reporting.quantity import limits_of
-from tapelayer.setups.sections import DEG, MM, Setup
-from tapelayer.verification.failures import AxisUse
+from tapelayer.laying.quantities import limits_of
+from tapelayer.laying.settings import Setup
+from tapelayer.reporting.drawing import Panel, PlotCurve, element, extent, heading_of, range_of, svg
+from tapelayer.units import DEG, MM
 
 # Courses with plots of their own; beyond them the page gives a count.
 SHOWN_COURSES = 40
@@ -68,24 +66,24 @@ def course_plots(evidence: Evidence, setup: Setup) -> list[Element]:
     return nodes
 
 
-def _errors(samples: Samples) -> dict[str, list[Curve]]:
+def _errors(samples: Samples) -> dict[str, list[PlotCurve]]:
     """Lines of the four plots of errors over arc length, millimetres and degrees."""
     arcs = samples.arc_lengths / MM
     return {
         "max_position_error_mm": [
-            Curve("first", arcs, samples.normal_errors / MM),
-            Curve("second", arcs, samples.lateral_errors / MM),
+            PlotCurve("first", arcs, samples.normal_errors / MM),
+            PlotCurve("second", arcs, samples.lateral_errors / MM),
         ],
-        "max_roller_tilt_deg": [Curve("first", arcs, samples.tilts / DEG)],
-        "max_heading_error_deg": [Curve("first", arcs, samples.heading_errors / DEG)],
-        "max_tape_error_mm": [Curve("first", arcs, samples.tape_errors / MM)],
+        "max_roller_tilt_deg": [PlotCurve("first", arcs, samples.tilts / DEG)],
+        "max_heading_error_deg": [PlotCurve("first", arcs, samples.heading_errors / DEG)],
+        "max_tape_error_mm": [PlotCurve("first", arcs, samples.tape_errors / MM)],
     }
 
 
 def _course_figure(
     evidence: Evidence,
     part: slice,
-    curves: dict[str, list[Curve]],
+    curves: dict[str, list[PlotCurve]],
     ranges: Sequence[tuple[float, float]],
     limits: dict[str, tuple[float, bool]],
 ) -> Element:
@@ -104,7 +102,7 @@ def _course_figure(
     for column, (key, heading) in enumerate(headings.items()):
         limit, judged = limits[key]
         panel = Panel(48 + 252 * column, 18, 194, 70, extent(arcs[placed]), ranges[column])
-        lines = [Curve(curve.style, arcs[placed], curve.y[part][placed]) for curve in curves[key]]
+        lines = [PlotCurve(curve.style, arcs[placed], curve.y[part][placed]) for curve in curves[key]]
         nodes += panel.drawn(heading, lines, [-limit, limit], judged)
     measured = placed & np.all(
         [np.isfinite(curve.y[part]) for panel_curves in curves.values() for curve in panel_curves], axis=0
@@ -120,56 +118,3 @@ def _course_figure(
         told = f"{np.sum(~measured):,} of {len(arcs):,} samples were not measured and are not drawn"
     caption = element("figcaption", element("b", f"Course {number}"), f"  {told}")
     return element("figure", caption, svg(1016, 106, *nodes, label=f"Errors along course {number}"))
-
-
-def axis_plots(axes: Sequence[AxisUse], trajectory: Trajectory) -> list[Element]:
-    """Position and speed of every axis over the program's time."""
-    moves = np.flatnonzero(trajectory.durations > 0.0)
-    if not 0.0 < trajectory.duration < math.inf:
-        return [element("p", "The program's time is not known.", class_="note")]
-    ends = trajectory.times[moves]
-    begins = ends - trajectory.durations[moves]
-    rapid = trajectory.kinds[moves] == Kind.RAPID
-    span = (0.0, trajectory.duration)
-    steps = np.abs(trajectory.positions[moves] - trajectory.begins(moves)) / trajectory.durations[moves, None]
-    steps[rapid] = np.nan
-    corners = np.column_stack([begins, ends]).ravel()
-    nodes = [
-        element(
-            "p",
-            "Over time in s. Dashed: travel and speed limits of the machine. Grey: rapids, which run at the control's "
-            "own speed; the speeds are those of the feed blocks.",
-            class_="note",
-        )
-    ]
-    for axis in axes:
-        scale, unit = axis.scale, axis.unit
-        column = trajectory.column(axis.name)
-        position = Curve(
-            "first",
-            np.append(0.0, trajectory.times),
-            np.append(trajectory.start[column], trajectory.positions[:, column]) * scale,
-        )
-        speed = Curve("first", corners, np.repeat(steps[:, column], 2) * scale)
-        travel, top = [axis.lower * scale, axis.upper * scale], [axis.speed_limit * scale]
-        left = Panel(66, 18, 424, 84, span, range_of([position], travel))
-        right = Panel(571, 18, 424, 84, span, (0.0, range_of([speed], [0.0, *top])[1]))
-        drawn = [_bands(panel, begins[rapid], ends[rapid]) for panel in (left, right)]
-        drawn += left.drawn(heading_of((axis.name, "first"), (f" {unit}", "")), [position], travel)
-        drawn += right.drawn(heading_of((axis.name, "first"), (f" speed {unit}/s", "")), [speed], top)
-        nodes.append(element("figure", svg(1016, 120, *drawn, label=f"Axis {axis.name}: position and speed over time")))
-    return nodes
-
-
-def _bands(panel: Panel, begins: Floats, ends: Floats) -> Element:
-    """Shade from (m,) to (m,) in the panel's x, pixel column by pixel column."""
-    first = np.floor(panel.across(begins)).astype(np.int64)
-    last = np.ceil(panel.across(ends)).astype(np.int64)
-    parts = []
-    reach = -1
-    for left, right in zip(first.tolist(), last.tolist(), strict=True):
-        left = max(left, reach)
-        if right > left:
-            parts.append(f"M{left} {px(panel.top)}H{right}v{panel.height}H{left}z")
-            reach = right
-    return element("path", d="".join(parts), class_="band")

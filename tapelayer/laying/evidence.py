@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Ints, Mask, Rows
+from tapelayer.arrays import Floats, Ints, Mask, SampleTable
 from tapelayer.verification.failures import Findings
 
 
 @dataclass(frozen=True, eq=False)
-class Samples(Rows):
+class Samples(SampleTable):
     """What was measured along the courses; rows are samples in laying order.
 
     Attributes:

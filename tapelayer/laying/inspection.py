@@ -9,18 +9,21 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from tapelayer.arrays import Floats, Ints, Mask
-from tapelayer.courses.course_file import Course
+from tapelayer.courses.course import Course
 from tapelayer.geometry.toolpath import Toolpath
-from tapelayer.laying.cut_check import Laid, judge_cuts
+from tapelayer.laying.cut_check import judge_cuts
 from tapelayer.laying.evidence import Evidence, Samples, TapeLedger
+from tapelayer.laying.laid import Laid
 from tapelayer.laying.link_check import judge_sequence
-from tapelayer.laying.program import place
+from tapelayer.laying.placing import courses_in_machine
+from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
 from tapelayer.machines.machine import CHUNK, Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.progress import Tick, silent
-from tapelayer.setups.sections import DEG, MM, Setup
-from tapelayer.verification.failures import Failure, axes_used
+from tapelayer.units import DEG, MM
+from tapelayer.verification.axis_use import axes_used
+from tapelayer.verification.failures import Failure
 from tapelayer.verification.verified import Verified
 
 # Between two block ends the path is looked at this often, and at least every so many metres.
@@ -76,7 +79,7 @@ class Inspector:
     def __init__(self, courses: Sequence[Course], setup: Setup, machine: Machine) -> None:
         self.setup, self.machine = setup, machine
         self.courses = courses
-        self.curves = [_Curve(path) for path in place(courses, setup)]
+        self.curves = [_CourseSpline(path) for path in courses_in_machine(courses, setup)]
         self.highest = max(float(np.max(curve.path.points[:, 2])) for curve in self.curves)
         self.roller_radius = gantry.lengths(machine).radius
         self.wrap_radius = self.roller_radius if setup.head.wrap_compensation else 0.0
@@ -149,7 +152,7 @@ class Inspector:
         """Samples along the courses laid, the block (n,) of each, and how the courses lie on the tape."""
         parts, blocks, laid = [], [np.zeros(0, np.int64)], []
         for batch in self._batches(layings):
-            places = _Places.along(trajectory, layings, batch)
+            places = _SamplePlaces.along(trajectory, layings, batch)
             fed = places.joints[:, trajectory.column("u")]
             samples = self._samples(places, fed)
             parts.append(samples)
@@ -182,7 +185,7 @@ class Inspector:
             out=_unit(curve.slopes(curve.knots[-1:]))[0],
         )
 
-    def _samples(self, places: _Places, fed: Floats) -> Samples:
+    def _samples(self, places: _SamplePlaces, fed: Floats) -> Samples:
         """Samples of some courses, at the places (n,) with the tape fed (n,) there, metres."""
         pose = self.machine.columns(places.joints, "roller")
         centre = np.stack(np.broadcast_arrays(*pose.translation), axis=1)
@@ -190,7 +193,9 @@ class Inspector:
             np.stack(np.broadcast_arrays(*(row[i] for row in pose.rotation)), axis=1) for i in range(3)
         )
         axis = -left
-        curves = _Curves([(self.curves[index], places.rows(index)) for index in np.unique(places.courses).tolist()])
+        curves = _CourseSplines(
+            [(self.curves[index], places.rows(index)) for index in np.unique(places.courses).tolist()]
+        )
         arc_lengths, wraps = curves.under_nip(fed, normal, heading, self.wrap_radius)
         points, normals, tangents = curves.at(arc_lengths)
 
@@ -337,7 +342,7 @@ class _Laying:
 
 
 @dataclass(frozen=True, eq=False)
-class _Places:
+class _SamplePlaces:
     """Where some courses are looked at while they are laid, rows in laying order.
 
     Attributes:
@@ -355,7 +360,7 @@ class _Places:
     ends: Mask
 
     @classmethod
-    def along(cls, trajectory: Trajectory, layings: Sequence[_Laying], indices: Ints) -> _Places:
+    def along(cls, trajectory: Trajectory, layings: Sequence[_Laying], indices: Ints) -> _SamplePlaces:
         """Places along the layings of the courses with these (m,) rising indices."""
         chosen = [layings[index] for index in indices]
         rows = np.concatenate([np.arange(laying.first, laying.last) for laying in chosen])
@@ -472,7 +477,7 @@ def _held(trajectory: Trajectory, on: Event, off: Event, delay: float) -> Floats
     return shares
 
 
-class _Curve:
+class _CourseSpline:
     """A course's curve as a B-spline: not-a-knot over arc length, 2 points a line, 3 a parabola.
 
     Before its start it is its start and beyond its end its end: a cubic has nothing to say out there.
@@ -505,10 +510,10 @@ _NO_TAPE = TapeLedger((), (), 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class _Curves:
+class _CourseSplines:
     """Curves of several courses, each with the rows of the samples along it; one after the other they are all rows."""
 
-    courses: Sequence[tuple[_Curve, slice]]
+    courses: Sequence[tuple[_CourseSpline, slice]]
 
     def at(self, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
         """Points, unit normals and unit tangents, (n, 3) each, at (n,) arc lengths in metres."""

@@ -14,17 +14,18 @@ from rich.table import Table
 from post import program, reader
 from post.controllers import Controller, load
 from tapelayer.arrays import Floats
-from tapelayer.courses.course_file import Course, parse_courses
+from tapelayer.courses.course import Course
+from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import CourseFileRefused, VerificationFailed
 from tapelayer.laying import page, report
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.inspection import Inspector
 from tapelayer.laying.program import plan
+from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
 from tapelayer.provenance import VERSION, Provenance
-from tapelayer.setups.sections import Setup
 from tapelayer.verification.verified import Verified, failure_of
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from tapelayer.arrays import Floats, Mask
 from tapelayer.errors import PoseUndefined
-from tapelayer.geometry.toolpath import Curve, Toolpath
+from tapelayer.geometry.curves import Curve
+from tapelayer.geometry.toolpath import Toolpath
 from tapelayer.machines import gantry
 
 # A block is tried against the course at these fractions; its own ends are on the course.
@@ -57,7 +58,7 @@ class CourseMotion:
         self.curve = Curve(toolpath)
         self.wrap_radius = wrap_radius
         self._lengths = lengths
-        self._form = gantry.form(lengths, kinematics, toolpath.points[0], toolpath.points[-1])
+        self._form = gantry.closed_form(lengths, kinematics, toolpath.points[0], toolpath.points[-1])
         # The exact form leads the roller's centre over the surface and holds its axis; the paper's leads its nose.
         self._exact = kinematics == "roller"
         self._lift = lengths.radius if self._exact else 0.0

@@ -12,13 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask
-from tapelayer.laying.cut_check import Laid
 from tapelayer.laying.evidence import Samples
+from tapelayer.laying.laid import Laid
+from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
-from tapelayer.setups.sections import MM, Setup
-from tapelayer.verification.failures import FEED_DIGITS, Failure
+from tapelayer.units import MM
+from tapelayer.verification.axis_use import FEED_DIGITS
+from tapelayer.verification.failures import Failure
 
 # Rounded feeds shift a word's effect against the motion by no more than this share of its delay.
 DELAY_DIGITS = 2e-5

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import Any
 from xml.etree.ElementTree import Element, tostring
 
-from tapelayer.laying.error_plots import axis_plots, course_plots
+from tapelayer.laying.error_plots import course_plots
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.plan_view import plan_view
+from tapelayer.laying.quantities import FACTS, QUANTITIES, absent, limits_of
+from tapelayer.laying.settings import Setup
 from tapelayer.laying.tape_view import tape_view
 from tapelayer.motion.trajectory import Trajectory
-from tapelayer.reporting.drawing import element, px, svg, table
-from tapelayer.reporting.quantity import FACTS, QUANTITIES, absent, limits_of, plain, shown, worded
-from tapelayer.setups.sections import Setup
-from tapelayer.verification.failures import AxisUse
+from tapelayer.reporting.axis_plots import axis_plots
+from tapelayer.reporting.drawing import element, table
+from tapelayer.reporting.page import STYLE, axes_table, range_bar, signatures
+from tapelayer.reporting.words import plain, shown, worded
 
 # Failures in the page; beyond them it gives a count.
 SHOWN_FAILURES = 200
-STYLE = files("tapelayer.reporting").joinpath("page.css").read_text(encoding="utf-8")
 
 
 def html(evidence: Evidence, trajectory: Trajectory, report: dict[str, Any], setup: Setup, title: str) -> str:
@@ -43,8 +43,8 @@ def html(evidence: Evidence, trajectory: Trajectory, report: dict[str, Any], set
         element("h2", "Largest errors"),
         _quantities(report, setup),
         element("h2", "Axes"),
-        _axes_table(evidence.axes, report),
-        _signatures(),
+        axes_table(evidence.axes, report),
+        signatures(),
         element("h2", "Plan view"),
         *plan_view(evidence, setup),
         element("h2", "Tape"),
@@ -144,51 +144,9 @@ def _quantities(report: dict[str, Any], setup: Setup) -> Element:
         if key in limits:
             limit, judged = limits[key]
             share = "" if value is None else f"{value / limit:,.0%}"
-            bar = _bar(0.0, value, 0.0, limit, value is None or value > limit)
+            bar = range_bar(0.0, value, 0.0, limit, value is None or value > limit)
             row += [plain(limit), share if judged else f"{share}, not judged", bar]
         else:
             row += ["at least 0" if key == "least_link_clearance_mm" else "", "", ""]
         rows.append(row)
     return table(("quantity", "found", "", "limit", "of limit", ""), rows, class_="numbers")
-
-
-def _axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:
-    # A speed may exceed its limit by the last digit of a feed word: what is red is verification's to say.
-    failed = {failure["what"] for failure in report["failures"]}
-    rows: list[list[Element | str]] = []
-    for axis in axes:
-        found = report["axes"][axis.name]
-        travel, speed = axis.failures
-        rows.append(
-            [
-                axis.name,
-                found["unit"],
-                *(shown(found[key], "", "z,.2f") for key in ("min", "max")),
-                f"{plain(found['lower'])} to {plain(found['upper'])}",
-                shown(found["margin"], "", "z,.2f"),
-                _bar(found["min"], found["max"], found["lower"], found["upper"], travel in failed),
-                shown(found["max_speed"], "", "z,.2f"),
-                plain(found["speed_limit"]),
-                _bar(0.0, found["max_speed"], 0.0, found["speed_limit"], speed in failed),
-            ]
-        )
-    headings = ("axis", "", "least", "greatest", "travel", "margin", "", "top speed /s", "limit /s", "")
-    return table(headings, rows, class_="axes")
-
-
-def _bar(begin: float | None, end: float | None, low: float, high: float, failed: bool) -> Element:
-    """A range within its bounds as a small bar, red where it failed."""
-    width = 90.0
-    drawing = svg(width, 9, element("rect", class_="track", x=0, y=1.5, width=width, height=6))
-    if begin is not None and end is not None:
-        left, right = (min(max((value - low) / (high - low), 0.0), 1.0) * width for value in (begin, end))
-        left = min(left, width - 1)
-        style = "used beyond" if failed else "used"
-        drawing.append(element("rect", class_=style, x=px(left), y=1.5, width=px(max(right - left, 1.0)), height=6))
-    drawing.set("class", "bar")
-    return drawing
-
-
-def _signatures() -> Element:
-    fields = (element("div", words) for words in ("Prepared by", "Checked by", "Released by", "Date"))
-    return element("footer", *fields)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
@@ -11,9 +10,11 @@ import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.laying.evidence import Evidence
-from tapelayer.reporting.drawing import Panel, element, heading_of, polyline, px, svg, ticks
-from tapelayer.reporting.quantity import plain
-from tapelayer.setups.sections import MM, Setup
+from tapelayer.laying.settings import Setup
+from tapelayer.reporting.drawing import Panel, element, heading_of, polyline, px, svg
+from tapelayer.reporting.map_marks import MarkPlaces, heading, round_up, scale_bar
+from tapelayer.reporting.words import plain
+from tapelayer.units import MM
 
 # Cells that are coloured by their largest error; a cell is never smaller than this, in pixels.
 CELLS = 40_000
@@ -23,7 +24,7 @@ COLOURS = 10
 
 
 @dataclass(frozen=True, eq=False)
-class _Strip:
+class _CourseStrip:
     """A course in the plan view.
 
     Attributes:
@@ -50,7 +51,7 @@ def plan_view(evidence: Evidence, setup: Setup) -> list[Element]:
     courses = samples.courses[seen]
     limit = setup.verification.max_position_error_mm
     finite = errors[np.isfinite(errors)]
-    top = min(limit, _round_up(float(np.max(finite, initial=0.0))))
+    top = min(limit, round_up(float(np.max(finite, initial=0.0))))
 
     room = evidence.tape_width / MM / 2
     low, high = np.min(plan, axis=0) - room, np.max(plan, axis=0) + room
@@ -79,20 +80,12 @@ def plan_view(evidence: Evidence, setup: Setup) -> list[Element]:
     nodes += _arrows(strips)
     nodes += _labels(strips)
     nodes += _worst_place(pixels, errors)
-    nodes.append(_scale_bar(panel, scale))
+    nodes.append(scale_bar(panel, scale))
     nodes += _colour_bar(panel.left + panel.width + 24, panel.top, top, limit, float(np.max(finite, initial=0.0)))
     words = f"x and y of the machine in mm, to scale. Bands: the tape, {plain(evidence.tape_width / MM)} mm wide. "
     words += "Arrows: travel. Ring: the largest position error."
     figure = svg(panel.left + width + 150, panel.top + height + 24, *nodes, label="Plan view of the courses")
     return [element("figure", figure), element("p", words, class_="note")]
-
-
-def _round_up(value: float) -> float:
-    """The next of 1, 2 or 5 times a power of ten; for no error at all a micrometre in millimetres."""
-    if not value > 1e-3:
-        return 1e-3
-    power = 10.0 ** math.floor(math.log10(value))
-    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= value * (1 - 1e-9))
 
 
 def _classes(errors: Floats, top: float, limit: float) -> Ints:
@@ -102,7 +95,7 @@ def _classes(errors: Floats, top: float, limit: float) -> Ints:
     return np.where(inside, np.minimum(scaled, COLOURS - 1), COLOURS)
 
 
-def _strips(numbers: Sequence[int], courses: Ints, pixels: Floats, classes: Ints) -> list[_Strip]:
+def _strips(numbers: Sequence[int], courses: Ints, pixels: Floats, classes: Ints) -> list[_CourseStrip]:
     """Courses cut into cells of a few pixels, each with its worst colour, so that thinning hides no error."""
     starts = np.unique(courses, return_index=True)[1]
     steps = np.hypot(*np.diff(pixels, axis=0, prepend=pixels[:1]).T)
@@ -115,7 +108,7 @@ def _strips(numbers: Sequence[int], courses: Ints, pixels: Floats, classes: Ints
         firsts = np.flatnonzero(np.append(True, np.diff(cells) > 0))
         colours = np.maximum.reduceat(classes[start:end], firsts)
         points = np.vstack([pixels[start:end][firsts], pixels[end - 1 : end]])
-        strips.append(_Strip(numbers[int(courses[start])], points, colours))
+        strips.append(_CourseStrip(numbers[int(courses[start])], points, colours))
     return strips
 
 
@@ -123,7 +116,7 @@ def _outline(points: Floats) -> str:
     return polyline(points[:, 0], points[:, 1])
 
 
-def _pieces(strip: _Strip, colour: int) -> str:
+def _pieces(strip: _CourseStrip, colour: int) -> str:
     """Path of the pieces of one colour."""
     chosen = np.flatnonzero(strip.classes == colour)
     if not len(chosen):
@@ -132,21 +125,14 @@ def _pieces(strip: _Strip, colour: int) -> str:
     return "".join(_outline(strip.points[run[0] : run[-1] + 2]) for run in runs)
 
 
-def _direction(begin: Floats, end: Floats) -> Floats:
-    """Unit vector (2,) from one point (2,) to another; up the page where they are one."""
-    length = float(np.hypot(*(end - begin)))
-    direction: Floats = (end - begin) / length if length > 0.0 else np.array([0.0, -1.0])
-    return direction
-
-
-def _arrows(strips: Sequence[_Strip]) -> list[Element]:
+def _arrows(strips: Sequence[_CourseStrip]) -> list[Element]:
     """An arrowhead in the middle of each course; one that would lie on another is left out."""
     nodes = []
-    places = _Places(10.0)
+    places = MarkPlaces(10.0)
     for strip in strips:
         middle = len(strip.points) // 2
         begin, end = strip.points[middle - 1], strip.points[middle]
-        ahead = _direction(begin, end)
+        ahead = heading(begin, end)
         left = np.array([ahead[1], -ahead[0]])
         tip = (begin + end) / 2 + 5 * ahead
         if places.take((begin + end) / 2, 5.0):
@@ -156,35 +142,15 @@ def _arrows(strips: Sequence[_Strip]) -> list[Element]:
     return nodes
 
 
-def _labels(strips: Sequence[_Strip]) -> list[Element]:
+def _labels(strips: Sequence[_CourseStrip]) -> list[Element]:
     """Course numbers before the courses' starts; one that would lie on another is left out."""
     nodes = []
-    places = _Places(11.0)
+    places = MarkPlaces(11.0)
     for strip in strips:
-        across, down = strip.points[0] - 9 * _direction(strip.points[0], strip.points[1])
+        across, down = strip.points[0] - 9 * heading(strip.points[0], strip.points[1])
         if places.take(np.array([across, down]), 3.5 * len(str(strip.number)) + 3):
             nodes.append(element("text", str(strip.number), x=px(across), y=px(down + 4), class_="number middle"))
     return nodes
-
-
-class _Places:
-    """Places on the page that are taken by marks of one height.
-
-    Args:
-        height: of a mark, pixels.
-    """
-
-    def __init__(self, height: float) -> None:
-        self._height = height
-        self._taken = np.zeros((0, 3))
-
-    def take(self, centre: Floats, half_width: float) -> bool:
-        """Take the place round a centre (2,) in pixels, unless it is taken."""
-        away = np.abs(self._taken[:, :2] - centre)
-        if np.any((away[:, 0] < self._taken[:, 2] + half_width) & (away[:, 1] < self._height)):
-            return False
-        self._taken = np.vstack([self._taken, [*centre, half_width]])
-        return True
 
 
 def _worst_place(pixels: Floats, errors: Floats) -> list[Element]:
@@ -192,14 +158,6 @@ def _worst_place(pixels: Floats, errors: Floats) -> list[Element]:
     worst = int(np.argmax(np.where(np.isfinite(errors), errors, np.inf)))
     across, down = pixels[worst]
     return [element("circle", cx=px(across), cy=px(down), r=8, class_="ring")]
-
-
-def _scale_bar(panel: Panel, scale: float) -> Element:
-    """A bar of a round length, to the right of the plan at its foot."""
-    length = ticks(0.0, 90.0 / scale, 3)[-1]
-    left, down = panel.left + panel.width + 24, panel.top + panel.height
-    bar = element("path", d=f"M{px(left)} {px(down - 4)}v4h{px(length * scale)}v-4", class_="scale")
-    return element("g", bar, element("text", f"{plain(length)} mm", x=px(left), y=px(down - 8), class_="tick"))
 
 
 def _colour_bar(left: float, top: float, highest: float, limit: float, largest: float) -> list[Element]:

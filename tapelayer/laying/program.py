@@ -9,18 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints
-from tapelayer.courses.course_file import Course
+from tapelayer.courses.course import Course
 from tapelayer.errors import AxisBeyondTravel, PartTooHigh, TapeRunsBack
-from tapelayer.geometry.toolpath import Toolpath, placed
-from tapelayer.laying.cut_assignment import TOUCH, Head
+from tapelayer.geometry.toolpath import Toolpath
+from tapelayer.laying.cut_assignment import TOUCH
+from tapelayer.laying.head import head_of
 from tapelayer.laying.linearisation import CourseMotion, Poses, block_ends
+from tapelayer.laying.placing import courses_in_machine
+from tapelayer.laying.settings import Setup
 from tapelayer.laying.tape_plan import Step, TapePlan, plan_tape
 from tapelayer.machines import gantry
 from tapelayer.machines.machine import Axis, Machine
-from tapelayer.motion.stroke import Rows, Stroke
+from tapelayer.motion.stroke import Stroke, StrokeBlocks
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.progress import Tick, silent
-from tapelayer.setups.sections import DEG, MM, Setup
+from tapelayer.units import DEG, MM
 
 KNIVES = ("v", "d", "q", "e")
 # A move of more than this, in metres or radians, is one in the digits of every control.
@@ -31,31 +34,6 @@ KNIFE_WORDS = {
     (2, Step.DOWN): Event.KNIFE_2_DOWN,
     (2, Step.UP): Event.KNIFE_2_UP,
 }
-
-
-def place(courses: Sequence[Course], setup: Setup) -> list[Toolpath]:
-    """Courses in `machine` axes, where the setup places the part and on the plies already laid."""
-    origin = (setup.part.l1_mm * MM, setup.part.l2_mm * MM, -setup.part.l3_mm * MM)
-    return [placed(c, setup.part.rotation_rad(), origin, setup.part.laid_thickness_mm * MM) for c in courses]
-
-
-def head_of(setup: Setup, machine: Machine) -> Head:
-    """The tape head's measures: the knives' pitch and travel from the machine, the rest from the setup."""
-    origins = machine.forward_all(np.zeros((1, len(machine.axes))), ("knife_1", "knife_2", "tape"))
-    apart = origins["knife_1"][0, :3, 3] - origins["knife_2"][0, :3, 3]
-    v, q = machine.axis("v"), machine.axis("q")
-    return Head(
-        tape_width=setup.tape.width_mm * MM,
-        knife_to_nip=setup.head.knife_to_nip_mm * MM,
-        knife_pitch=float(apart @ origins["tape"][0, :3, 0]),
-        knife_clearance=setup.head.knife_clearance_mm * MM,
-        scrap_margin=setup.head.scrap_margin_mm * MM,
-        blade_length=setup.head.blade_length_mm * MM,
-        travel_v=(v.lower, v.upper),
-        travel_q=(q.lower, q.upper),
-        minimum_cut_angle=setup.head.minimum_cut_angle_deg * DEG,
-        roll_length=setup.tape.roll_length_m,
-    )
 
 
 def plan(
@@ -84,8 +62,8 @@ def plan(
     lengths = gantry.lengths(machine)
     radius = lengths.radius if setup.head.wrap_compensation else 0.0
     ways = []
-    for path in place(courses, setup):
-        ways.append(_way(path, setup, lengths, radius))
+    for path in courses_in_machine(courses, setup):
+        ways.append(driven_course(path, setup, lengths, radius))
         tick()
     tape = plan_tape(
         head_of(setup, machine),
@@ -102,7 +80,7 @@ def plan(
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
+class DrivenCourse:
     """A course as the gantry goes along it: poses at its block ends and the direction in which it leaves.
 
     Attributes:
@@ -122,11 +100,23 @@ class _Way:
         return int(np.argmin(np.abs(self.path.arc_lengths - self.path.arc_lengths[0] - arc_length))) + 1
 
 
-def _way(path: Toolpath, setup: Setup, lengths: gantry.Lengths, radius: float) -> _Way:
+def driven_course(path: Toolpath, setup: Setup, lengths: gantry.Lengths, radius: float) -> DrivenCourse:
+    """Return a course as the gantry goes along it.
+
+    Args:
+        path: in `machine` axes.
+        setup: the job's values.
+        lengths: of the head, metres.
+        radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
+
+    Raises:
+        PoseUndefined: a point has no roller pose.
+        TapeRunsBack: the tape would have to run back under the shoe.
+    """
     process = setup.process
     motion = CourseMotion(path, lengths, process.kinematics, radius)
     laid = block_ends(motion, process.tolerance_mm * MM, process.tolerance_deg * DEG)
-    way = _Way(path, laid, radius * laid.wrap, motion.curve.at(laid.arc_lengths[-1:])[2][0])
+    way = DrivenCourse(path, laid, radius * laid.wrap, motion.curve.at(laid.arc_lengths[-1:])[2][0])
     back = np.flatnonzero(~(np.diff(laid.arc_lengths - way.shortened) >= 0.0))
     if len(back):
         point = way.point(float(laid.arc_lengths[back[0]]))
@@ -158,9 +148,9 @@ class _Program:
         self.knife_delay, self.heater_delay = delays.knife * 1e-3, delays.heater * 1e-3
         self.at = np.zeros(len(machine.axes))
         self.at[self.knives] = tape.steps.poses[0]
-        self.parts: list[tuple[Rows, int, Sequence[int]]] = []
+        self.parts: list[tuple[StrokeBlocks, int, Sequence[int]]] = []
 
-    def add_course(self, course: int, way: _Way) -> None:
+    def add_course(self, course: int, way: DrivenCourse) -> None:
         """Add the blocks of one course."""
         head, tape = self.setup.head, self.tape
         lag = head.aux_roller_lag_mm * MM
@@ -204,7 +194,7 @@ class _Program:
             self._feed(stroke, np.array([tape.laying[-1, 1], len(tape.steps)]), float(stroke.at[self.columns["u"]]))
         self._add(stroke, course, first, last)
 
-    def _joints(self, course: int, way: _Way) -> Floats:
+    def _joints(self, course: int, way: DrivenCourse) -> Floats:
         """All axes (n, k) at the block ends of a course: the pose with c by whole turns, the tape fed, knives zero."""
         laid = way.laid
         joints = np.zeros((len(laid.arc_lengths), len(self.at)))
@@ -241,7 +231,7 @@ class _Program:
                 stroke.step(way, 0.0)
             return stroke
         steps = np.abs(ways - np.vstack([at, up, over])) / self.speeds
-        rows = Rows(
+        rows = StrokeBlocks(
             joints=ways,
             kinds=np.full(3, Kind.RAPID, np.uint8),
             # From where nothing is stated the time is not known: it counts as none.
@@ -338,7 +328,7 @@ class _Program:
         self.parts.append((rows, course, stated.tolist()))
         self.at = rows.joints[-1]
 
-    def trajectory(self, ways: Sequence[_Way]) -> Trajectory:
+    def trajectory(self, ways: Sequence[DrivenCourse]) -> Trajectory:
         """The blocks so far.
 
         Raises:
@@ -368,7 +358,7 @@ class _Program:
             lines=np.zeros(len(joints), np.int32),
         )
 
-    def _check_travel(self, joints: Floats, courses: Ints, arcs: Floats, ways: Sequence[_Way]) -> None:
+    def _check_travel(self, joints: Floats, courses: Ints, arcs: Floats, ways: Sequence[DrivenCourse]) -> None:
         """Refuse the worst place of every axis that leaves its travel, all axes at once."""
         found = []
         for column, axis in enumerate(self.machine.axes):
@@ -382,7 +372,7 @@ class _Program:
             raise AxisBeyondTravel(found, _advice({axis.name for _, _, axis, _ in found}))
 
 
-def _least_link(ways: Sequence[_Way], setup: Setup, machine: Machine) -> float:
+def _least_link(ways: Sequence[DrivenCourse], setup: Setup, machine: Machine) -> float:
     """Axis z, in metres, at which the head goes from course to course only just over the part."""
     highest = max(float(np.max(way.path.points[:, 2])) for way in ways)
     lengths = gantry.lengths(machine)

@@ -12,10 +12,11 @@ from rich.text import Text
 
 from tapelayer.arrays import Floats, Ints
 from tapelayer.laying.evidence import CutMade, Evidence, TapeLedger
+from tapelayer.laying.quantities import FACTS, QUANTITIES, absent
 from tapelayer.provenance import VERSION
-from tapelayer.reporting.quantity import FACTS, QUANTITIES, absent, plain, shown
-from tapelayer.setups.sections import DEG, MM
-from tapelayer.verification.failures import AxisUse, number
+from tapelayer.reporting.words import plain, shown
+from tapelayer.units import DEG, MM, json_number
+from tapelayer.verification.axis_use import AxisUse
 
 # Failures in which a knife is where it must not be, or is not where it must be.
 KNIFE_FAILURE = re.compile(
@@ -80,7 +81,7 @@ def numbers(evidence: Evidence, program_sha256: str) -> dict[str, Any]:
         "cuts": len(tape.cuts),
         "knife_conflicts": sum(KNIFE_FAILURE.fullmatch(str(failure["what"])) is not None for failure in failures),
         "laying_stops": sum(row.laying_stops for row in tape.rows),
-        **{key: number(value) for key, value in measured.items()},
+        **{key: json_number(value) for key, value in measured.items()},
         "time_shares": shares,
         "program_sha256": program_sha256,
         "tape": courses,
@@ -144,7 +145,7 @@ def _time_shares(tape: TapeLedger) -> dict[str, float | None]:
     """Percent of the program's time by what the head does."""
     spans = {"laying": tape.laying, "threading": tape.threading, "linking": tape.linking}
     whole = sum(spans.values())
-    return {name: number(_percent(span, whole)) for name, span in spans.items()}
+    return {name: json_number(_percent(span, whole)) for name, span in spans.items()}
 
 
 def _tape(tape: TapeLedger) -> list[dict[str, Any]]:
@@ -158,12 +159,12 @@ def _tape(tape: TapeLedger) -> list[dict[str, Any]]:
         courses.append(
             {
                 "course": row.course,
-                "laid_mm": number(row.length / MM),
-                "station_mm": number(row.station / MM),
-                "waste_mm": number((row.station - before) / MM),
-                "waste_roll_mm": number(row.waste_roll / MM),
-                "waste_formula_mm": number(row.waste_formula / MM),
-                "waste_knives_mm": number(row.waste_knives / MM),
+                "laid_mm": json_number(row.length / MM),
+                "station_mm": json_number(row.station / MM),
+                "waste_mm": json_number((row.station - before) / MM),
+                "waste_roll_mm": json_number(row.waste_roll / MM),
+                "waste_formula_mm": json_number(row.waste_formula / MM),
+                "waste_knives_mm": json_number(row.waste_knives / MM),
                 "laying_stops": row.laying_stops,
                 "cuts": [_cut(end, cut) for end, cut in made if cut],
             }
@@ -175,14 +176,14 @@ def _tape(tape: TapeLedger) -> list[dict[str, Any]]:
 def _cut(end: str, cut: CutMade) -> dict[str, Any]:
     return {
         "end": end,
-        "station_mm": number(cut.station / MM),
-        "angle_deg": number(cut.angle / DEG),
+        "station_mm": json_number(cut.station / MM),
+        "angle_deg": json_number(cut.angle / DEG),
         "knife": cut.knife,
         "block": cut.block,
         **({"line": cut.line} if cut.line else {}),
         "shared": bool(cut.ending and cut.starting),
-        "error_mm": number(cut.error / MM),
-        "blade_error_deg": number(cut.blade_error / DEG),
+        "error_mm": json_number(cut.error / MM),
+        "blade_error_deg": json_number(cut.blade_error / DEG),
     }
 
 

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tapelayer.arrays import Floats, Ints, Mask, frozen
-from tapelayer.laying.cut_assignment import LEAST_FEED, LEFT, MOVE_FEED, RIGHT, TOUCH, Head, Placed, place_courses
+from tapelayer.laying.cut_assignment import LEAST_FEED, LEFT, MOVE_FEED, RIGHT, TOUCH, Assignment, assign_stations
+from tapelayer.laying.head import Head
 
 
 class Step(IntEnum):
@@ -100,7 +101,7 @@ class Moves(_Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class Steps(_Rows):
+class KnifeSteps(_Rows):
     """What the head does in order of u, each row once, the first time the tape gets there.
 
     Row 0 is how the head stands at u = 0. The first row at every u is a FEED, so everything is linear between rows.
@@ -197,7 +198,7 @@ class TapePlan(_Rows):
     course_cuts: Ints
     cuts: Cuts
     moves: Moves
-    steps: Steps
+    steps: KnifeSteps
     begins: Floats
     ends: Floats
     changing: Ints
@@ -268,7 +269,7 @@ def plan_tape(
         raise ValueError(
             f"{count} courses do not fit {lengths.shape} lengths, {cut_angles.shape} cut angles, {wraps.shape} wraps"
         )
-    placed = place_courses(head, numbers, lengths, cut_angles, wraps)
+    placed = assign_stations(head, numbers, lengths, cut_angles, wraps)
     cuts, moves = _work(head, placed)
     steps = _steps(head, cuts, moves, turning_at_rest)
     begins = placed.stations + head.knife_to_nip - wraps[:, 0]
@@ -297,7 +298,7 @@ def plan_tape(
     )
 
 
-def _work(head: Head, placed: Placed) -> tuple[Cuts, Moves]:
+def _work(head: Head, placed: Assignment) -> tuple[Cuts, Moves]:
     """The cuts with the sweeps that make them, and the raised moves between the sweeps."""
     count = len(placed.made)
     ending, starting = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
@@ -364,7 +365,7 @@ def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int, turns_at_rest: bool
     return nodes
 
 
-def _steps(head: Head, cuts: Cuts, moves: Moves, turning_at_rest: frozenset[int]) -> Steps:
+def _steps(head: Head, cuts: Cuts, moves: Moves, turning_at_rest: frozenset[int]) -> KnifeSteps:
     """Both knives' ways as one, in order of u."""
     ways = [_nodes(head, cuts, moves, knife, knife + 1 in turning_at_rest) for knife in (0, 1)]
     nodes = [node for way in ways for node in way]
@@ -397,7 +398,7 @@ def _steps(head: Head, cuts: Cuts, moves: Moves, turning_at_rest: frozenset[int]
         stated = np.where((knives == 0) | (knives == number), np.arange(len(knives)), 0)
         poses[:, column : column + 2] = poses[np.maximum.accumulate(stated), column : column + 2]
     lowered = np.cumsum(kinds == Step.DOWN) - np.cumsum(kinds == Step.UP)
-    return Steps(
+    return KnifeSteps(
         u=np.concatenate([places, places[place[acts]]])[order],
         kinds=kinds,
         knives=knives,
@@ -427,7 +428,7 @@ class _Passes(NamedTuple):
     taken_back: Floats
 
 
-def _passes(steps: Steps, begins: Floats, ends: Floats, rolls: Ints, roll_u: Floats) -> _Passes:
+def _passes(steps: KnifeSteps, begins: Floats, ends: Floats, rolls: Ints, roll_u: Floats) -> _Passes:
     """Rows done before a roll change, while threading and while laying, and how far the tape goes out and back."""
     count = len(begins)
     changing, threading, laying = (np.zeros((count, 2), dtype=np.int64) for _ in range(3))

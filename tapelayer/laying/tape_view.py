@@ -12,9 +12,10 @@ import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.laying.evidence import CutMade, Evidence, TapeLedger
+from tapelayer.laying.settings import Setup, VerificationSettings
 from tapelayer.reporting.drawing import element, px, svg, table, ticks
-from tapelayer.reporting.quantity import plain, shown
-from tapelayer.setups.sections import DEG, MM, Setup, Verification
+from tapelayer.reporting.words import plain, shown
+from tapelayer.units import DEG, MM
 
 # A strip of tape in pixels. A tape that takes more than `STRIPS` strips of this height is drawn smaller, down to the
 # least height; where it then takes more than `MOST_STRIPS`, the page says how far it is drawn.
@@ -79,7 +80,7 @@ def _ledger(report: dict[str, Any]) -> Element:
     return table(("course", "starts at mm", "laid mm", *WASTES.values(), "stops while laying"), rows)
 
 
-def _cuts(cuts: Sequence[CutMade], limits: Verification) -> Element:
+def _cuts(cuts: Sequence[CutMade], limits: VerificationSettings) -> Element:
     """The cuts in the order of the tape; what is beyond its limit is red."""
     rows: list[list[Element | str]] = [
         [
@@ -112,7 +113,7 @@ def _colour(cut: CutMade) -> str:
     return "first" if cut.knife == 1 else "second"
 
 
-def _drawing(tape: TapeLedger, width: float, limits: Verification) -> list[Element]:
+def _drawing(tape: TapeLedger, width: float, limits: VerificationSettings) -> list[Element]:
     """The tape of a width in millimetres to scale, broken into strips, below what its colours mean."""
     laid, uncut = _courses(tape)
     waste, rolls = _waste(laid, np.array([row.waste_roll for row in tape.rows]) / MM)
@@ -132,7 +133,7 @@ def _drawing(tape: TapeLedger, width: float, limits: Verification) -> list[Eleme
     nodes = [element("p", words, *(part for key in keys for part in (key, ". ")), class_="note")]
     for number in range(min(count, MOST_STRIPS)):
         begin, end = (low + (high - low) * place / count for place in (number, number + 1))
-        strip = _Strip(begin, end, height / width, height)
+        strip = _TapeStrip(begin, end, height / width, height)
         paths = {"laid": strip.outlines(laid), "hatch": strip.hatch(waste)}
         paths |= {f"line cut {style}": strip.across(own) for style, own in lines.items()}
         drawn = [element("path", d=path, class_=style) for style, path in paths.items() if path]
@@ -169,7 +170,7 @@ def _waste(laid: Floats, rolls: Floats) -> tuple[Floats, Floats]:
     return waste, np.vstack([np.zeros((1, 2)), edges[fresh]])
 
 
-def _cut_lines(cuts: Sequence[CutMade], uncut: Floats, limits: Verification) -> dict[str, Floats]:
+def _cut_lines(cuts: Sequence[CutMade], uncut: Floats, limits: VerificationSettings) -> dict[str, Floats]:
     """Lines (k, 2) of the cuts by style; `over` are those beyond a limit and those that were not cut (j, 2)."""
     lines = np.array([[cut.station / MM, 1 / math.tan(cut.angle)] for cut in cuts]).reshape(-1, 2)
     errors = np.array([[cut.error / MM, cut.blade_error / DEG] for cut in cuts]).reshape(-1, 2)
@@ -183,7 +184,7 @@ def _cut_lines(cuts: Sequence[CutMade], uncut: Floats, limits: Verification) -> 
 
 
 @dataclass(frozen=True)
-class _Strip:
+class _TapeStrip:
     """A strip of the tape; its pixels count from its left edge and from the tape's left edge down.
 
     Attributes:

@@ -37,7 +37,7 @@ class Lengths:
     radius: float
 
 
-class Form(Protocol):
+class ClosedForm(Protocol):
     """A closed form, fixed for one course."""
 
     def joints(self, points: Floats, normals: Floats, tangents: Floats) -> Floats:
@@ -91,7 +91,7 @@ class Published:
         return joints
 
 
-def form(lengths: Lengths, kinematics: Kinematics, first: Floats, last: Floats) -> Form:
+def closed_form(lengths: Lengths, kinematics: Kinematics, first: Floats, last: Floats) -> ClosedForm:
     """The closed form for one course.
 
     Args:

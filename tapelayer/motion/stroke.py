@@ -15,7 +15,7 @@ SAME_TIME = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class StrokeBlocks:
     """Blocks of a stroke, ready to stand in a trajectory.
 
     Attributes:
@@ -92,7 +92,7 @@ class Stroke:
         ways: Floats = np.maximum(np.max(steps / speeds, axis=1, initial=0.0), np.concatenate(self.least)[1:])
         return np.append(0.0, np.cumsum(ways))
 
-    def rows(self, times: Floats) -> Rows:
+    def rows(self, times: Floats) -> StrokeBlocks:
         """Blocks after the first node, every word on a block boundary of its own.
 
         A word that has to stand before the stroke begins makes the head wait there.
@@ -127,7 +127,7 @@ class Stroke:
         blocks = nodes[ends[order]]
         still = np.all(nodes[1:, :-1] == nodes[:-1, :-1], axis=1)
         switches = np.full(len(words), Kind.SWITCH)
-        return Rows(
+        return StrokeBlocks(
             joints=blocks[:, :-1],
             kinds=np.append(np.where(still, Kind.DWELL, Kind.LINEAR), switches).astype(np.uint8)[order],
             durations=np.append(np.diff(times), np.zeros(len(words)))[order],

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints
-from tapelayer.reporting.quantity import plain
+from tapelayer.reporting.words import plain
 
 
 def element(tag: str, *content: Element | str, **attributes: object) -> Element:
@@ -52,7 +52,7 @@ def heading_of(*parts: tuple[str, str]) -> Element:
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class PlotCurve:
     """A line of a plot.
 
     Attributes:
@@ -95,7 +95,7 @@ class Panel:
         return self.top + (self.y[1] - y) * (self.height / (self.y[1] - self.y[0]))
 
     def drawn(
-        self, heading: Element, curves: Sequence[Curve], limits: Sequence[float], judged: bool = True
+        self, heading: Element, curves: Sequence[PlotCurve], limits: Sequence[float], judged: bool = True
     ) -> list[Element]:
         """Elements of the plot: frame, ticks, limits with their values, lines."""
         right, bottom = self.left + self.width, self.top + self.height
@@ -129,7 +129,7 @@ class Panel:
         return nodes
 
 
-def range_of(curves: Sequence[Curve], limits: Sequence[float]) -> tuple[float, float]:
+def range_of(curves: Sequence[PlotCurve], limits: Sequence[float]) -> tuple[float, float]:
     """Lowest and highest y of the curves and the limits, with room to see a limit that is not touched."""
     values = [*limits]
     for curve in curves:

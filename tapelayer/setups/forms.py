@@ -2,39 +2,54 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+import json
+from typing import Any
 
-from tapelayer.setups.sections import JobSetup, Setup, parse_setup, parse_table
-from tapelayer.spraying.settings import SpraySetup
+from tapelayer.setups.sections import JobSetup, parse_setup, parse_table
 from tapelayer.toml_files import toml_text
 
-JobKind = Literal["lay", "spray"]
 # Values by section and key.
 Values = dict[str, dict[str, Any]]
 
-MODELS: dict[JobKind, type[JobSetup]] = {"lay": Setup, "spray": SpraySetup}
 NAME = "setup.toml"
 
 
-def values_of(data: bytes, kind: JobKind) -> Values:
+def values_of(data: bytes, model: type[JobSetup]) -> Values:
     """Values that the bytes of a setup's TOML set.
 
     Raises:
         SetupRefused: as `parse_setup`.
     """
-    return _values(parse_setup(data, NAME, MODELS[kind]))
+    return _values(parse_setup(data, NAME, model))
 
 
-def text_of_values(values: Values, kind: JobKind) -> str:
+def text_of_values(values: Values, model: type[JobSetup]) -> str:
     """TOML text of values; a value that is None is left out.
 
     Raises:
         SetupRefused: unknown keys, or values out of range; all faults at once.
     """
-    text = text_of(parse_table(MODELS[kind], values, NAME))
+    text = text_of(parse_table(model, values, NAME))
     # What no file may hold, such as half a character or a name of a thousand letters, shows itself in reading.
-    parse_setup(text.encode(errors="surrogatepass"), NAME, MODELS[kind])
+    parse_setup(text.encode(errors="surrogatepass"), NAME, model)
     return text
+
+
+def schema_of(model: type[JobSetup]) -> dict[str, Any]:
+    """JSON schema of a setup: every key with its unit in its name, default, limits and description.
+
+    Sections are called by their titles, which are those of the setup's own words.
+    """
+    schema = model.model_json_schema()
+    titles = {name: section["title"] for name, section in schema["$defs"].items()}
+    text = json.dumps(schema)
+    for name, title in titles.items():
+        text = text.replace(f'"#/$defs/{name}"', f'"#/$defs/{title}"')
+    named: dict[str, Any] = json.loads(text)
+    named["$defs"] = {
+        titles[name]: section for name, section in sorted(named["$defs"].items(), key=lambda one: titles[one[0]])
+    }
+    return named
 
 
 def text_of(setup: JobSetup) -> str:

@@ -1,6 +1,6 @@
-"""Setup: every value of a job that is neither in the course file, nor the URDF, nor the controller table.
+"""Sections: setups as typed tables of values, read from TOML, with every fault in words.
 
-The field descriptions here are the one description of each parameter: the default file, the help and the docs come from
+The field descriptions of sections are the one description of each parameter: default file, help and docs come from
 them. Fields are in the units of their names (mm, deg); whoever computes converts with `MM` and `DEG`.
 """
 
@@ -9,20 +9,18 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
-import math
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from tapelayer.errors import Fault, SetupRefused
+from tapelayer.errors import InputFault, SetupRefused
 from tapelayer.toml_files import read_toml
+from tapelayer.units import DEG, MM
 
-MM = 1e-3
-DEG = math.pi / 180.0
 # More faults than these are no slips: they are counted, and each of them takes time to be worded.
 MOST_FAULTS = 100
 
@@ -46,7 +44,7 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
 
 
-class Machine(Section):
+class MachineSettings(Section, title="Machine"):
     """The machine, where it differs from its URDF."""
 
     urdf: Annotated[
@@ -83,118 +81,6 @@ class Machine(Section):
         return self
 
 
-class Part(Section):
-    """Where the part lies in the machine: machine = rotated part + (l1, l2, -l3) (the paper's 1.4)."""
-
-    l1_mm: Annotated[Number, Field(description="part origin along the machine's x")] = 300.0
-    l2_mm: Annotated[Number, Field(description="part origin along the machine's y")] = -1900.0
-    l3_mm: Annotated[Number, Field(description="part origin below the machine's origin")] = 1400.0
-    rotation_deg: Annotated[
-        Number | Annotated[list[Number], Field(min_length=3, max_length=3)],
-        Field(description="turn of the part before it is placed: about z, or [x, y, z] about fixed axes in that order"),
-    ] = 0.0
-    laid_thickness_mm: Annotated[
-        NotNegative, Field(description="thickness of the plies already laid under these courses")
-    ] = 0.0
-
-    def rotation_rad(self) -> tuple[float, float, float]:
-        """Angles about the fixed axes x, y, z in radians, applied in that order."""
-        angles = self.rotation_deg if isinstance(self.rotation_deg, list) else [0.0, 0.0, self.rotation_deg]
-        return angles[0] * DEG, angles[1] * DEG, angles[2] * DEG
-
-
-class Tape(Section):
-    """The material."""
-
-    width_mm: Annotated[Positive, Field(description="width of the tape")] = 75.0
-    thickness_mm: Annotated[Positive, Field(description="thickness of one laid ply")] = 0.15
-    roll_length_m: Annotated[Positive, Field(description="tape on one roll")] = 150.0
-
-
-class Delays(Section):
-    """Time from a switching word to its effect; the word is moved ahead by planned speed x delay."""
-
-    shoe: Annotated[NotNegative, Field(description="compaction shoe, ms")] = 0.0
-    roller: Annotated[NotNegative, Field(description="auxiliary roller, ms")] = 0.0
-    knife: Annotated[NotNegative, Field(description="knives, ms")] = 0.0
-    heater: Annotated[NotNegative, Field(description="heater, ms")] = 0.0
-
-
-class Head(Section):
-    """The tape head, where the URDF does not hold it."""
-
-    knife_to_nip_mm: Annotated[Positive, Field(description="tape path from knife 1 to the nip on a level surface")] = (
-        350.0
-    )
-    knife_clearance_mm: Annotated[NotNegative, Field(description="a sweep's run beyond both edges of the tape")] = 10.0
-    minimum_cut_angle_deg: Annotated[
-        Positive, Field(description="smallest angle between a cut and the tape's edge", lt=90)
-    ] = 15.0
-    scrap_margin_mm: Annotated[NotNegative, Field(description="waste between two cuts that are not shared")] = 5.0
-    blade_length_mm: Annotated[Positive, Field(description="least distance between the two blades")] = 20.0
-    aux_roller_lag_mm: Annotated[
-        NotNegative, Field(description="the auxiliary roller follows the nip by this distance")
-    ] = 60.0
-    run_out: Annotated[
-        Literal["tangent", "none"],
-        Field(description="how the auxiliary roller reaches the course's end: tangent | none"),
-    ] = "tangent"
-    wrap_compensation: Annotated[
-        bool,
-        Field(
-            description="shorten the tape path where the nip moves round the roller; false: u is the arc length",
-            strict=True,
-        ),
-    ] = True
-    heater_stop_s: Annotated[NotNegative, Field(description="the heater goes off during a stop longer than this")] = 2.0
-    delays_ms: Annotated[Delays, Field(description="actuator delays")] = Delays()
-
-
-class Process(Section):
-    """How the job is run."""
-
-    lay_speed_mm_per_s: Annotated[
-        Positive, Field(description="speed of the nip over the surface, and of plunge and retract")
-    ] = 250.0
-    thread_speed_mm_per_s: Annotated[Positive, Field(description="speed of the tape while it is threaded")] = 250.0
-    approach_mm: Annotated[Positive, Field(description="clearance along the head's normal before the plunge")] = 50.0
-    link_clearance_mm: Annotated[
-        NotNegative | None,
-        Field(description="clearance above the highest course point between courses; without it approach_mm"),
-    ] = None
-    tolerance_mm: Annotated[
-        Positive, Field(description="blocks are inserted where the contact would leave the course by more")
-    ] = 0.02
-    tolerance_deg: Annotated[
-        Positive, Field(description="blocks are inserted where the roller axis would leave t x n by more")
-    ] = 0.005
-    kinematics: Annotated[
-        Literal["roller", "published"],
-        Field(description="roller: exact for a round roller; published: the 2008 paper's form"),
-    ] = "roller"
-
-
-class Verification(Section):
-    """What a program must keep; the emitted text is judged."""
-
-    max_position_error_mm: Annotated[
-        Positive, Field(description="contact off the course, normal to and along the surface")
-    ] = 0.05
-    max_roller_tilt_deg: Annotated[Positive, Field(description="roller axis out of the tangent plane")] = 0.05
-    max_heading_error_deg: Annotated[Positive, Field(description="roller axis off square to the course")] = 0.05
-    max_tape_error_mm: Annotated[Positive, Field(description="tape fed against arc length at the nip")] = 0.05
-    max_cut_error_mm: Annotated[Positive, Field(description="knife off its cut line on the tape")] = 0.05
-    max_blade_error_deg: Annotated[Positive, Field(description="blade off the direction of its cut")] = 0.05
-
-
-class Output(Section):
-    """What comes out."""
-
-    controller: Annotated[str, Field(description="name of a controller table, or the path of one", min_length=1)] = (
-        "jb3208"
-    )
-
-
 class JobSetup(Section):
     """The setup of a job: a table of values for each thing it speaks of."""
 
@@ -224,26 +110,6 @@ class JobSetup(Section):
 
 
 SetupModel = TypeVar("SetupModel", bound=JobSetup)
-
-
-class Setup(JobSetup):
-    """Everything that a tape-laying job needs beside its courses."""
-
-    part: Annotated[Part, Field(description="where the part lies in the machine")] = Part()
-    machine: Annotated[Machine, Field(description="the machine, where it differs from its URDF")] = Machine()
-    tape: Annotated[Tape, Field(description="the material")] = Tape()
-    head: Annotated[Head, Field(description="the tape head")] = Head()
-    process: Annotated[Process, Field(description="how the job is run")] = Process()
-    verification: Annotated[Verification, Field(description="what a program must keep")] = Verification()
-    output: Annotated[Output, Field(description="what comes out")] = Output()
-
-    def sha256(self, urdf: bytes) -> str:
-        """SHA-256 of the effective values, hexadecimal; the URDF enters by its content, not by its path.
-
-        Args:
-            urdf: the bytes of the URDF in use.
-        """
-        return self.digest({("machine", "urdf"): urdf})
 
 
 def read_setup(path: Path | str, model: type[SetupModel]) -> SetupModel:
@@ -287,10 +153,10 @@ def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text:
         for found in error.errors()[:MOST_FAULTS]:
             place = tuple(str(part) for part in found["loc"])
             sentence = _sentence(model, place, found["type"], found["msg"], found["input"])
-            faults.append(Fault(_line_of(lines, place), sentence, place=place))
+            faults.append(InputFault(_line_of(lines, place), sentence, place=place))
         faults = sorted(set(faults), key=lambda fault: fault.line)
         if error.error_count() > MOST_FAULTS:
-            faults.insert(0, Fault(0, f"has {error.error_count()} faults; is it the right file?"))
+            faults.insert(0, InputFault(0, f"has {error.error_count()} faults; is it the right file?"))
         raise SetupRefused(name, faults) from None
 
 
@@ -355,12 +221,19 @@ def _unknown(model: type[Section], place: tuple[str, ...]) -> str:
         known = f"did you mean [{near[0]}]?" if near else f"there are {', '.join(f'[{n}]' for n in model.model_fields)}"
         return f"unknown section [{key}]; {known}"
     sections = dict(_keys(model)) if len(place) == 2 else {}
-    names = list(sections) or list(Delays.model_fields)
+    names = list(sections) or list(_model_at(model, place[:-1]).model_fields)
     near = difflib.get_close_matches(key, names, 1, 0.4)
     if not near:
         return f"unknown key {key} in [{place[0]}]; the setup command prints every key there is"
     other = sections.get(near[0], place[0])
     return f"unknown key {key} in [{place[0]}]; did you mean {near[0]}{'' if other == place[0] else f' in [{other}]'}?"
+
+
+def _model_at(model: type[Section], place: tuple[str, ...]) -> type[Section]:
+    """The model of the table at a place of a setup."""
+    for key in place:
+        model = _section_model(model.model_fields[key])
+    return model
 
 
 def _lines_of_keys(text: str) -> dict[tuple[str, ...], int]:

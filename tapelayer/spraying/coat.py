@@ -7,21 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from tapelayer.arrays import Floats, Mask, frozen
-from tapelayer.setups.sections import MM
 from tapelayer.spraying.deposition import (
     Evenness,
     Spots,
     Surface,
     evenness,
     exposure,
-    footprint_of,
     inside_of,
     spots_along,
     surface_from_above,
 )
 from tapelayer.spraying.evidence import SpraySamples
+from tapelayer.spraying.footprint import footprint_of
 from tapelayer.spraying.reach import Reach
 from tapelayer.spraying.settings import SpraySetup
+from tapelayer.units import MM
 
 # Samples of the surface in a spot's diameter, and spots in the footprint's reach.
 _SURFACE_SAMPLES = 8

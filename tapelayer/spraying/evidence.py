@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Ints, Mask, Rows
+from tapelayer.arrays import Floats, Ints, Mask, SampleTable
 from tapelayer.verification.failures import Failure, Findings
 
 
@@ -18,7 +18,7 @@ class SprayFailure(Failure):
 
 
 @dataclass(frozen=True, eq=False)
-class SpraySamples(Rows):
+class SpraySamples(SampleTable):
     """What was measured with the arc on; rows are samples in order.
 
     Attributes:

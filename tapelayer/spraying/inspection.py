@@ -8,18 +8,20 @@ from dataclasses import astuple
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints
+from tapelayer.geometry.facets import distances_to
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.geometry.plan_coverage import Outline
+from tapelayer.geometry.plan_coverage import PlanCoverage
+from tapelayer.geometry.polyline import along
 from tapelayer.machines.machine import Machine
+from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import MOTIONS, Event, Kind, Trajectory
 from tapelayer.progress import Tick, silent
-from tapelayer.setups.sections import DEG, MM
-from tapelayer.spraying.arc_runs import Stretch, along, arc_on, distances_to, sampled, stretches_of, ways_of
+from tapelayer.spraying.arc_runs import ArcRun, arc_on, arc_runs_of, sampled, ways_of
 from tapelayer.spraying.evidence import SplitFound, SprayEvidence, SprayFailure, SpraySamples
-from tapelayer.spraying.passes import NO_FACET, Pass
-from tapelayer.spraying.program import AXES, Split
+from tapelayer.spraying.passes import NO_FACET, Pass, Split
 from tapelayer.spraying.settings import SpraySetup
-from tapelayer.verification.failures import FEED_DIGITS, axes_used
+from tapelayer.units import DEG, MM
+from tapelayer.verification.axis_use import FEED_DIGITS, axes_used
 from tapelayer.verification.verified import Verified
 
 # Pinocchio itself evaluates this many block ends; of a longer program an even selection.
@@ -47,7 +49,7 @@ class SprayInspector:
     ) -> None:
         self.passes, self.splits, self.mesh, self.setup, self.machine = passes, splits, mesh, setup, machine
         self.normals, self.triangles = mesh.upward_normals, mesh.vertices[mesh.facets]
-        self.outline = Outline(mesh)
+        self.outline = PlanCoverage(mesh)
         self.axes = [machine.axis(name) for name in AXES]
         self.slack = setup.verification.max_position_error_mm * MM
 
@@ -70,15 +72,15 @@ class SprayInspector:
         """Evidence on a trajectory, failures included; arguments as `verify`."""
         digits = np.zeros(len(AXES)) if resolution is None else resolution
         failures = [*_unstated(trajectory), *self._switching(trajectory)]
-        stretches: list[Stretch] = []
+        stretches: list[ArcRun] = []
         if not any(failure.what == "unstated_axes" for failure in failures):
             # Nothing can be measured on a program that does not say where it is.
-            stretches = stretches_of(trajectory)
+            stretches = arc_runs_of(trajectory)
         failures += self._astray(trajectory)
         measured: list[SpraySamples] = []
         splits: list[SplitFound] = []
-        before: Stretch | None = None
-        by_pass: dict[int, list[Stretch]] = {}
+        before: ArcRun | None = None
+        by_pass: dict[int, list[ArcRun]] = {}
         for stretch in stretches:
             by_pass.setdefault(stretch.index, []).append(stretch)
         for index, found in enumerate(self.passes):
@@ -123,9 +125,9 @@ class SprayInspector:
         self,
         trajectory: Trajectory,
         index: int,
-        stretches: Sequence[Stretch],
+        stretches: Sequence[ArcRun],
         first_piece: int,
-        before: Stretch | None,
+        before: ArcRun | None,
     ) -> tuple[list[SpraySamples], list[SprayFailure]]:
         """Samples of one pass, a part for each stretch, and what is wrong with it."""
         found = self.passes[index]
@@ -153,7 +155,7 @@ class SprayInspector:
         return parts, failures
 
     def _stretch(
-        self, trajectory: Trajectory, stretch: Stretch, piece: int, before: Stretch | None
+        self, trajectory: Trajectory, stretch: ArcRun, piece: int, before: ArcRun | None
     ) -> tuple[SpraySamples, Ints]:
         """Samples of a stretch, and the block (n,) of each."""
         found = self.passes[stretch.index]

@@ -15,23 +15,27 @@ from post import program, reader
 from post.controllers import Controller, load
 from tapelayer.arrays import Floats
 from tapelayer.errors import MeshRefused, VerificationFailed
-from tapelayer.geometry.mesh import Mesh, Unit, parse_mesh
+from tapelayer.geometry.mesh import Mesh, Unit
+from tapelayer.geometry.stl import parse_mesh
 from tapelayer.machines.machine import Machine
+from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
 from tapelayer.provenance import VERSION, Provenance
-from tapelayer.setups.sections import MM
 from tapelayer.spraying import page, report
 from tapelayer.spraying.coat import coat_of
-from tapelayer.spraying.deposition import footprint_of, widest_pitch
 from tapelayer.spraying.evidence import SprayEvidence
+from tapelayer.spraying.footprint import footprint_of
 from tapelayer.spraying.inspection import SprayInspector
-from tapelayer.spraying.passes import Plan, plan_passes
+from tapelayer.spraying.pass_planning import plan_passes
+from tapelayer.spraying.passes import Plan
+from tapelayer.spraying.pitch import widest_pitch
 from tapelayer.spraying.pose_file import trajectory_text
-from tapelayer.spraying.program import AXES, Spraying, spray
-from tapelayer.spraying.reach import Reach, placed, placement
+from tapelayer.spraying.program import Spraying, spray
+from tapelayer.spraying.reach import Reach, mesh_in_machine, placement
 from tapelayer.spraying.report import Judged
 from tapelayer.spraying.settings import SpraySetup
+from tapelayer.units import MM
 from tapelayer.verification.verified import Verified, failure_of
 from urdf import SPRAYER
 
@@ -155,7 +159,7 @@ class SprayJob:
     @cached_property
     def mesh(self) -> Mesh:
         """The surface in `machine`."""
-        return placed(self.model, *self.placement)
+        return mesh_in_machine(self.model, *self.placement)
 
     @cached_property
     def pitch(self) -> float:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any
 from xml.etree.ElementTree import Element, tostring
 
-from tapelayer.laying.error_plots import axis_plots
-from tapelayer.laying.page import STYLE
 from tapelayer.motion.trajectory import Trajectory
+from tapelayer.reporting.axis_plots import axis_plots
 from tapelayer.reporting.drawing import element, table
-from tapelayer.reporting.quantity import plain, shown, worded
-from tapelayer.setups.sections import MM
+from tapelayer.reporting.page import STYLE
+from tapelayer.reporting.words import plain, shown, worded
 from tapelayer.spraying.plan_view import coat_plots, plan_view
 from tapelayer.spraying.report import FACTS, QUANTITIES, Judged, numbers
 from tapelayer.spraying.settings import SpraySetup
+from tapelayer.units import MM
 
 # Failures, splits and slow places in the page; beyond them it gives a count.
 SHOWN_ROWS = 100

@@ -8,11 +8,22 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints
-from tapelayer.reporting.drawing import Curve, Panel, element, extent, heading_of, polyline, px, range_of, svg, ticks
-from tapelayer.reporting.quantity import plain
-from tapelayer.setups.sections import MM
+from tapelayer.reporting.drawing import (
+    Panel,
+    PlotCurve,
+    element,
+    extent,
+    heading_of,
+    polyline,
+    px,
+    range_of,
+    svg,
+    ticks,
+)
+from tapelayer.reporting.words import plain
 from tapelayer.spraying.coat import Coat
 from tapelayer.spraying.passes import Plan
+from tapelayer.units import MM
 
 WIDTH, HEIGHT = 760.0, 560.0
 # Pixels of a cell of the map; a cell is never smaller on the part than samples are apart.
@@ -74,7 +85,7 @@ def coat_plots(plan: Plan, coat: Coat) -> list[Element]:
         near = np.abs(away @ other) <= coat.spacing / 2
         order = np.argsort(away[near] @ axis)
         places = (away[near] @ axis)[order] / MM
-        curve = Curve("first", places, values[near][order])
+        curve = PlotCurve("first", places, values[near][order])
         if len(places):
             panel = Panel(66, 18, 930, 110, extent(places), range_of([curve], [0.0, mean]))
             heading = heading_of((f"thickness{unit} ", "first"), (f"over mm {name}", ""))

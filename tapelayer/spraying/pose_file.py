@@ -9,9 +9,9 @@ import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.provenance import Provenance
-from tapelayer.setups.sections import DEG, MM
 from tapelayer.spraying.passes import Pass
 from tapelayer.spraying.program import Piece
+from tapelayer.units import DEG, MM
 
 DECIMALS = 4
 

@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 
 from tapelayer.arrays import Floats, Ints, frozen
 from tapelayer.machines.machine import Machine
-from tapelayer.machines.wrist import Reason, follow, gun_axes
+from tapelayer.machines.wrist import AXES, gun_axes
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.progress import Tick, silent
-from tapelayer.setups.sections import MM
-from tapelayer.spraying.passes import Pass
+from tapelayer.spraying.passes import Pass, Split
 from tapelayer.spraying.reach import wrist_of
 from tapelayer.spraying.settings import SpraySetup
+from tapelayer.spraying.wrist_path import follow
+from tapelayer.units import MM
 
-# The axes that a program moves; the standoff is set by hand.
-AXES = ("x", "y", "z", "theta", "phi")
 # A way between passes keeps the arc on only if the axes can follow at this share of the gun's speed.
 SLOWEST = 0.5
 # A block is called slow where an axis takes longer than the gun would by more than this share.
@@ -45,21 +44,6 @@ class Piece:
         """Freeze the arrays."""
         for name in ("arc_lengths", "joints"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
-
-
-@dataclass(frozen=True)
-class Split:
-    """A place where the arc goes off inside a pass, so that the gun can turn.
-
-    Attributes:
-        number: of the pass, from 1.
-        point: in `machine`, metres.
-        reason: why.
-    """
-
-    number: int
-    point: tuple[float, float, float]
-    reason: Reason
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.geometry.envelope import upper_envelope
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.geometry.slicing import slice, strip_widths, upper_envelope
+from tapelayer.geometry.slicing import slice, strip_widths
 from tapelayer.machines.machine import Machine
 from tapelayer.machines.wrist import Wrist, reachable
-from tapelayer.setups.sections import DEG, MM
 from tapelayer.spraying.settings import SpraySetup
+from tapelayer.units import DEG, MM
 
 # Two points nearer to each other are one, metres.
 SAME_POINT = 1e-12
@@ -39,7 +40,7 @@ def placement(mesh: Mesh, setup: SpraySetup, machine: Machine) -> tuple[Floats, 
     return rotation, np.array(origin)
 
 
-def placed(mesh: Mesh, rotation: Floats, origin: Floats) -> Mesh:
+def mesh_in_machine(mesh: Mesh, rotation: Floats, origin: Floats) -> Mesh:
     """The mesh in `machine`."""
     return replace(mesh, vertices=mesh.vertices @ rotation.T + origin)
 

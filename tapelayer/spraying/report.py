@@ -12,15 +12,15 @@ from rich.table import Table
 from rich.text import Text
 
 from tapelayer.arrays import Floats
-from tapelayer.geometry.mesh import Mending, Mesh
+from tapelayer.geometry.mending import Mending
+from tapelayer.geometry.mesh import Mesh
 from tapelayer.provenance import VERSION
-from tapelayer.reporting.quantity import plain, shown
-from tapelayer.setups.sections import DEG, MM
+from tapelayer.reporting.words import plain, shown
 from tapelayer.spraying.coat import Coat
 from tapelayer.spraying.evidence import SprayEvidence
 from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.program import Slowdown
-from tapelayer.verification.failures import number
+from tapelayer.units import DEG, MM, json_number
 
 # Areas below this are rounding, square metres.
 LEAST_AREA = 1e-9
@@ -111,10 +111,10 @@ def numbers(judged: Judged) -> dict[str, Any]:
         "sprayed_area_m2": plan.sprayed,
         "unreachable": [{"reason": reason, "area_m2": area} for reason, area in areas if area > LEAST_AREA],
         "mesh": {"facets": len(judged.mesh.facets), "mended": _mended(judged.mesh.mending)},
-        **{key: number(value) for key, value in measured.items()},
+        **{key: json_number(value) for key, value in measured.items()},
         **_coated(judged.coat),
-        "duration_s": number(evidence.duration),
-        "arc_time_s": number(evidence.arc_time),
+        "duration_s": json_number(evidence.duration),
+        "arc_time_s": json_number(evidence.arc_time),
         "program_sha256": judged.program_sha256,
         "axes": {axis.name: axis.values() for axis in evidence.axes},
         "passed": evidence.passed,
@@ -172,10 +172,10 @@ def _coated(coat: Coat | None) -> dict[str, Any]:
         "greatest": float(np.max(coat.thickness)),
     }
     return {
-        "coverage_percent": number(even.coverage_percent),
-        "cv_percent": number(even.cv_percent),
-        "cv_interior_percent": number(even.cv_interior_percent),
-        "thickness": {f"{name}_{unit}": number(value * scale) for name, value in thickness.items()},
+        "coverage_percent": json_number(even.coverage_percent),
+        "cv_percent": json_number(even.cv_percent),
+        "cv_interior_percent": json_number(even.cv_interior_percent),
+        "thickness": {f"{name}_{unit}": json_number(value * scale) for name, value in thickness.items()},
     }
 
 

@@ -7,7 +7,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from tapelayer.setups.sections import DEG, MM, JobSetup, Machine, NotNegative, Number, Positive, Section
+from tapelayer.setups.sections import JobSetup, MachineSettings, NotNegative, Number, Positive, Section
+from tapelayer.units import DEG, MM
 
 STANDOFF_MM = 150.0
 ARC_KEYS = ("voltage_v", "air_pressure_mpa", "wire_feed_m_per_min")
@@ -32,7 +33,7 @@ NumberOrAuto = Annotated[float | Literal["auto"], BeforeValidator(_number_or_aut
 PositiveOrAuto = Annotated[float | Literal["auto"], BeforeValidator(_positive_or_auto)]
 
 
-class Part(Section):
+class SprayedPartSettings(Section, title="Part"):
     """Where the part lies in the machine."""
 
     x_mm: Annotated[
@@ -47,7 +48,7 @@ class Part(Section):
     rotation_deg: Annotated[Number, Field(description="turn of the part about z before it is placed")] = 0.0
 
 
-class Spray(Section):
+class PassSettings(Section, title="Spray"):
     """The passes and how the gun goes along them."""
 
     direction_deg: Annotated[
@@ -105,7 +106,7 @@ class Spray(Section):
     ] = False
 
 
-class Process(Section):
+class SprayProcessSettings(Section, title="Process"):
     """What is sprayed or plated; the values stand in the program's header for the operator."""
 
     kind: Annotated[Literal["arc", "plating"], Field(description="arc: arc spraying; plating: brush plating")] = "arc"
@@ -137,7 +138,7 @@ class Process(Section):
         return (f"process {self.kind}", *(f"{key} {value:g}" for key, value in given if value is not None))
 
 
-class Footprint(Section):
+class FootprintSettings(Section, title="Footprint"):
     """What a gun at rest, or a pass, leaves on a plane."""
 
     model: Annotated[
@@ -165,7 +166,7 @@ class Footprint(Section):
         return self
 
 
-class Verification(Section):
+class SprayVerificationSettings(Section, title="Verification"):
     """What a program must keep; the emitted text is judged."""
 
     max_position_error_mm: Annotated[Positive, Field(description="P off the smoothed path")] = 0.05
@@ -174,7 +175,7 @@ class Verification(Section):
     ] = 60.0
 
 
-class Output(Section):
+class SprayOutputSettings(Section, title="Output"):
     """What comes out."""
 
     controller: Annotated[str, Field(description="name of a controller table, or the path of one", min_length=1)] = (
@@ -187,26 +188,32 @@ class SpraySetup(JobSetup):
 
     FILES = (*JobSetup.FILES, ("footprint", "profile"))
 
-    part: Annotated[Part, Field(description="where the part lies in the machine")] = Part()
-    machine: Annotated[Machine, Field(description="the machine, where it differs from its URDF")] = Machine()
-    spray: Annotated[Spray, Field(description="the passes and how the gun goes along them")] = Spray()
-    process: Annotated[Process, Field(description="what is sprayed or plated")] = Process()
-    footprint: Annotated[Footprint, Field(description="what the gun leaves on the surface; for arc spraying")] = (
-        Footprint()
+    part: Annotated[SprayedPartSettings, Field(description="where the part lies in the machine")] = (
+        SprayedPartSettings()
     )
-    verification: Annotated[Verification, Field(description="what a program must keep")] = Verification()
-    output: Annotated[Output, Field(description="what comes out")] = Output()
+    machine: Annotated[MachineSettings, Field(description="the machine, where it differs from its URDF")] = (
+        MachineSettings()
+    )
+    spray: Annotated[PassSettings, Field(description="the passes and how the gun goes along them")] = PassSettings()
+    process: Annotated[SprayProcessSettings, Field(description="what is sprayed or plated")] = SprayProcessSettings()
+    footprint: Annotated[
+        FootprintSettings, Field(description="what the gun leaves on the surface; for arc spraying")
+    ] = FootprintSettings()
+    verification: Annotated[SprayVerificationSettings, Field(description="what a program must keep")] = (
+        SprayVerificationSettings()
+    )
+    output: Annotated[SprayOutputSettings, Field(description="what comes out")] = SprayOutputSettings()
 
     @model_validator(mode="after")
     def _plating_is_in_contact(self) -> Self:
         if self.process.kind == "plating":
             if self.spray.standoff_mm:
                 raise ValueError("plating works in contact; set [spray] standoff_mm = 0 or leave it out")
-            if self.footprint != Footprint():
+            if self.footprint != FootprintSettings():
                 raise ValueError("plating has no footprint; leave [footprint] out")
             if self.spray.pitch_mm == "auto":
                 raise ValueError("plating has no footprint to choose a pitch by; set [spray] pitch_mm to a number")
-            if self.process.relative_speed_mm_per_s and self.spray.speed_mm_per_s != Spray().speed_mm_per_s:
+            if self.process.relative_speed_mm_per_s and self.spray.speed_mm_per_s != PassSettings().speed_mm_per_s:
                 raise ValueError("speed_mm_per_s and relative_speed_mm_per_s are one speed; leave out speed_mm_per_s")
         elif self.spray.standoff_mm == 0.0:
             raise ValueError("arc spraying keeps a distance; set [spray] standoff_mm above 0, 120 to 200 is usual")

@@ -23,8 +23,6 @@ _LEFT = math.radians(1.5)
 _END_SHARE = 0.25
 # Times that directions are brought near to their facets' normals; the surroundings go along but for the last.
 _ROUNDS = 5
-# A point is kept where the gun's direction would be off by more without it.
-NORMAL_TOLERANCE = math.radians(0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,39 +152,6 @@ def brought_near(directions: Floats, first: Floats, second: Floats, limits: Floa
     nearest = found[np.argmin(ways, axis=0), np.arange(len(directions))]
     chosen: Floats = np.where(np.all(np.isinf(ways), axis=0)[:, None], middle, nearest)
     return chosen
-
-
-def kept(stations: Floats, points: Floats, normals: Floats, fixed: Mask, chord: float) -> Mask:
-    """Vertices (n,) that remain when those are left out whose place and direction the others give well enough.
-
-    Where the path leaves out a vertex it passes within the chord tolerance of it, and the gun's direction within
-    `NORMAL_TOLERANCE` (Douglas and Peucker's choice of vertices).
-
-    Args:
-        stations: (n,) arc lengths of the vertices, metres, increasing.
-        points: (n, 3) metres.
-        normals: (n, 3) unit normals.
-        fixed: (n,) vertices that remain anyway.
-        chord: greatest distance, metres.
-    """
-    remain = fixed.copy()
-    remain[[0, -1]] = True
-    scaled = np.hstack([points / chord, normals / NORMAL_TOLERANCE])
-    ends = np.flatnonzero(remain)
-    open_ = list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
-    while open_:
-        first, last = open_.pop()
-        if last - first < 2:
-            continue
-        share = (stations[first + 1 : last] - stations[first]) / (stations[last] - stations[first])
-        off = scaled[first + 1 : last] - scaled[first] - share[:, None] * (scaled[last] - scaled[first])
-        errors = np.maximum(np.sum(off[:, :3] ** 2, axis=1), np.sum(off[:, 3:] ** 2, axis=1))
-        worst = int(np.argmax(errors))
-        if errors[worst] > 1.0:
-            middle = first + 1 + worst
-            remain[middle] = True
-            open_ += [(first, middle), (middle, last)]
-    return remain
 
 
 def _pairs(begins: Floats, ends: Floats, normals: Floats, reach: float, apart: float) -> tuple[Floats, Ints]:

@@ -37,7 +37,7 @@ def flank_heights(heights: Floats, pitch: float, extent: tuple[float, float]) ->
     return np.concatenate(found)[order], np.concatenate(widths)[order]
 
 
-def on_flanks(segments: Segments, widths: Floats, least: Floats, gap: float, short: float) -> Segments:
+def on_steep_sides(segments: Segments, widths: Floats, least: Floats, gap: float, short: float) -> Segments:
     """The segments on flanks, in chains: with what lies between two of them, and without what is short.
 
     Args:

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.types import Receive, Scope, Send
 
-from tapelayer.setups.forms import JobKind
+from tapelayer.jobs.kinds import JobKind
 from tapelayer.workbench.foreman import Foreman, Message
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 from tapelayer.workbench.store import Record, State, Store, write_request

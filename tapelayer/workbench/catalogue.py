@@ -12,9 +12,10 @@ from fastapi.responses import FileResponse, PlainTextResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from post import controllers
+from tapelayer.jobs.kinds import MODELS, JobKind
 from tapelayer.machines.machine import Axis, Machine
-from tapelayer.setups.forms import MODELS, JobKind, Values, text_of_values, values_of
-from tapelayer.setups.sections import DEG, MM
+from tapelayer.setups.forms import Values, schema_of, text_of_values, values_of
+from tapelayer.units import DEG, MM
 from tapelayer.workbench.api import content
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 from urdf import SPRAYER, TAPELAYER
@@ -171,13 +172,13 @@ def example(name: str) -> FileResponse:
 @router.get("/setup-schema")
 def setup_schema(kind: JobKind) -> dict[str, Any]:
     """Show the JSON schema of a setup: every key with its unit in its name, default, limits and description."""
-    return MODELS[kind].model_json_schema()
+    return schema_of(MODELS[kind])
 
 
 @router.post("/setup/parse", responses=responses("setup-refused", "foreign-origin", "upload-too-large"))
 def parse(kind: JobKind, text: Annotated[bytes, Body(media_type="text/plain")] = b"") -> SetupValues:
     """Read a setup's TOML: only the keys that it sets."""
-    return SetupValues(values=values_of(text, kind))
+    return SetupValues(values=values_of(text, MODELS[kind]))
 
 
 @router.post(
@@ -187,7 +188,7 @@ def parse(kind: JobKind, text: Annotated[bytes, Body(media_type="text/plain")] =
 )
 def format(wanted: SetupWanted) -> Response:
     """Write values as a setup's TOML, which is read back as the same values."""
-    return PlainTextResponse(text_of_values(wanted.values, wanted.kind))
+    return PlainTextResponse(text_of_values(wanted.values, MODELS[wanted.kind]))
 
 
 @lru_cache

@@ -15,8 +15,8 @@ from starlette.concurrency import run_in_threadpool
 from tapelayer.arrays import Floats, Mask
 from tapelayer.machines import gantry, wrist
 from tapelayer.machines.machine import Machine
-from tapelayer.setups.sections import DEG, MM
-from tapelayer.spraying.program import AXES
+from tapelayer.machines.wrist import AXES
+from tapelayer.units import DEG, MM
 from tapelayer.workbench.catalogue import machine_of
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tapelayer.errors import Fault, InputRefused, TapelayerError, VerificationFailed
+from tapelayer.errors import InputFault, InputRefused, TapelayerError, VerificationFailed
 from tapelayer.verification.failures import Findings
 
 MEDIA_TYPE = "application/problem+json"
@@ -17,7 +17,7 @@ SHOWN_PLACES = 100
 
 
 @dataclass(frozen=True)
-class Kind:
+class ProblemKind:
     """What a code stands for.
 
     Attributes:
@@ -31,131 +31,147 @@ class Kind:
     meaning: str
 
 
-CODES: dict[str, Kind] = {
+CODES: dict[str, ProblemKind] = {
     # What the library refuses; the code is the error's name.
-    "input-refused": Kind(422, "A file is refused", "The faults name each line and what is wrong with it."),
-    "course-file-refused": Kind(
+    "input-refused": ProblemKind(422, "A file is refused", "The faults name each line and what is wrong with it."),
+    "course-file-refused": ProblemKind(
         422, "The course file cannot be read", "The faults name each line and what is wrong with it; mend the file."
     ),
-    "setup-refused": Kind(
+    "setup-refused": ProblemKind(
         422, "The setup cannot be used", "The faults name the keys and values that are wrong, and what is allowed."
     ),
-    "controller-refused": Kind(
+    "controller-refused": ProblemKind(
         422, "The controller table cannot be used", "The faults name what is wrong in the table."
     ),
-    "program-refused": Kind(
+    "program-refused": ProblemKind(
         422,
         "The NC program cannot be read",
         "The faults name each line that the controller table does not know.",
     ),
-    "program-of-other-setup": Kind(
+    "program-of-other-setup": ProblemKind(
         409,
         "The program is made for another setup",
         "Its header names another setup: send that one, or force judging it by this one.",
     ),
-    "mesh-refused": Kind(422, "The model cannot be used", "The STL is no STL, is empty, or holds no usable surface."),
-    "footprint-refused": Kind(
+    "mesh-refused": ProblemKind(
+        422, "The model cannot be used", "The STL is no STL, is empty, or holds no usable surface."
+    ),
+    "footprint-refused": ProblemKind(
         422, "The measured footprint cannot be used", "The faults name each line and what is wrong with it."
     ),
-    "pitch-not-found": Kind(
+    "pitch-not-found": ProblemKind(
         422, "No pitch is even enough", "No pitch keeps the coating as even as asked for: state one, or ask for less."
     ),
-    "model-refused": Kind(
+    "model-refused": ProblemKind(
         422,
         "The URDF cannot serve as the machine",
         "A joint or frame is missing, has the wrong type, or is out of place.",
     ),
-    "configuration-refused": Kind(
+    "configuration-refused": ProblemKind(
         422, "Axis values cannot be evaluated", "The columns are not the machine's axes, or a value is not finite."
     ),
-    "axis-beyond-travel": Kind(
+    "axis-beyond-travel": ProblemKind(
         422,
         "An axis would leave its travel",
         "The worst place of each axis is named: move the part, or check the travel in the setup.",
     ),
-    "tape-runs-back": Kind(
+    "tape-runs-back": ProblemKind(
         422, "The tape would run back", "The tape would run back under the shoe: look at the course where it turns."
     ),
-    "part-too-high": Kind(
+    "part-too-high": ProblemKind(
         422, "The part is too high", "The head at the top of its travel is not above the part: lower the part."
     ),
-    "pose-undefined": Kind(
+    "pose-undefined": ProblemKind(
         422, "A point has no roller pose", "The tangent is parallel to the normal, or the roller axis is vertical."
     ),
-    "tape-wider-than-travel": Kind(
+    "tape-wider-than-travel": ProblemKind(
         422, "The tape is too wide", "The tape with the knives' clearance is wider than a slide travels."
     ),
-    "blades-meet": Kind(422, "The blades would meet", "The blades are longer than the knives' pitch."),
-    "courses-refused": Kind(422, "Courses cannot be cut", "Each course is named with what is wrong."),
-    "cut-angle-too-small": Kind(
+    "blades-meet": ProblemKind(422, "The blades would meet", "The blades are longer than the knives' pitch."),
+    "courses-refused": ProblemKind(422, "Courses cannot be cut", "Each course is named with what is wrong."),
+    "cut-angle-too-small": ProblemKind(
         422, "A cut is too flat", "A cut lies flatter to the tape than the head may cut; the courses are named."
     ),
-    "cuts-cross": Kind(422, "Cuts cross", "A course's own two cut lines cross inside the tape; it is too short."),
-    "course-longer-than-roll": Kind(
+    "cuts-cross": ProblemKind(
+        422, "Cuts cross", "A course's own two cut lines cross inside the tape; it is too short."
+    ),
+    "course-longer-than-roll": ProblemKind(
         422, "A course is longer than a roll", "A course needs more tape than a new roll holds."
     ),
-    "nothing-to-spray": Kind(422, "There is nothing to spray", "Nothing of the surface can be reached by the gun."),
-    "not-writable": Kind(
+    "nothing-to-spray": ProblemKind(
+        422, "There is nothing to spray", "Nothing of the surface can be reached by the gun."
+    ),
+    "not-writable": ProblemKind(
         422, "The control cannot say it", "The trajectory cannot be said in the control's words, for the reason given."
     ),
-    "verification-failed": Kind(
+    "verification-failed": ProblemKind(
         422,
         "Verification failed",
         "The program was made and judged bad, so it is withheld; the report names every failure and its line.",
     ),
-    "target-not-writable": Kind(
+    "target-not-writable": ProblemKind(
         500, "A file cannot be written", "The server could not write a result; its disk may be full."
     ),
-    "work-directory-refused": Kind(
+    "work-directory-refused": ProblemKind(
         500, "The work directory cannot be used", "The server cannot use its work directory; tell its operator."
     ),
-    "serve-refused": Kind(500, "The server cannot start", "An option or file that it was started with is wrong."),
+    "serve-refused": ProblemKind(
+        500, "The server cannot start", "An option or file that it was started with is wrong."
+    ),
     # What the server refuses.
-    "not-found": Kind(
+    "not-found": ProblemKind(
         404, "There is no such thing", "Nothing has this address; a job may have expired or been removed."
     ),
-    "method-not-allowed": Kind(405, "The method is not allowed", "The header Allow names the methods of this address."),
-    "not-owner": Kind(
+    "method-not-allowed": ProblemKind(
+        405, "The method is not allowed", "The header Allow names the methods of this address."
+    ),
+    "not-owner": ProblemKind(
         403, "This is somebody else's job", "Whoever has a job's id may read it; only its owner may change it."
     ),
-    "queue-full": Kind(429, "The queue is full", "Try again after the seconds in the header Retry-After."),
-    "upload-too-large": Kind(413, "Too much was sent", "The limit is named; the server's operator sets it."),
-    "unsupported-media-type": Kind(415, "The media type is not supported", "The type that is expected is named."),
-    "invalid-request": Kind(
+    "queue-full": ProblemKind(429, "The queue is full", "Try again after the seconds in the header Retry-After."),
+    "upload-too-large": ProblemKind(413, "Too much was sent", "The limit is named; the server's operator sets it."),
+    "unsupported-media-type": ProblemKind(
+        415, "The media type is not supported", "The type that is expected is named."
+    ),
+    "invalid-request": ProblemKind(
         422, "The request is not valid", "The faults name the field, what was expected and what was sent."
     ),
-    "name-not-allowed": Kind(
+    "name-not-allowed": ProblemKind(
         422,
         "A name is not allowed",
         "Over HTTP, files are named plainly: by the name of a built-in, or of a file sent with the same request.",
     ),
-    "xml-refused": Kind(422, "The XML is refused", "It is no XML, or declares a document type or entities."),
-    "host-not-allowed": Kind(
+    "xml-refused": ProblemKind(422, "The XML is refused", "It is no XML, or declares a document type or entities."),
+    "host-not-allowed": ProblemKind(
         421, "The server does not go by this name", "Use a name it knows, or start it with --allow-host NAME."
     ),
-    "foreign-origin": Kind(
+    "foreign-origin": ProblemKind(
         403, "Another site's page asked for this", "Only the server's own page, or a program without one, may do this."
     ),
-    "token-required": Kind(
+    "token-required": ProblemKind(
         401, "A token is required", "Send the header Authorization: Bearer TOKEN, or sign in on the page."
     ),
-    "wrong-token": Kind(401, "The token is wrong", "Ask the server's operator for the token."),
-    "too-many-attempts": Kind(429, "Too many wrong tokens", "Try again after the seconds in the header Retry-After."),
+    "wrong-token": ProblemKind(401, "The token is wrong", "Ask the server's operator for the token."),
+    "too-many-attempts": ProblemKind(
+        429, "Too many wrong tokens", "Try again after the seconds in the header Retry-After."
+    ),
     # What became of a job.
-    "job-not-finished": Kind(409, "The job is under way", "Follow its events, and ask again when it is done."),
-    "job-failed": Kind(409, "The job failed", "The job has no such result; its error says why."),
-    "program-withheld": Kind(
+    "job-not-finished": ProblemKind(409, "The job is under way", "Follow its events, and ask again when it is done."),
+    "job-failed": ProblemKind(409, "The job failed", "The job has no such result; its error says why."),
+    "program-withheld": ProblemKind(
         409, "The program is withheld", "Verification judged it bad; the report and the poses show where."
     ),
-    "not-made": Kind(404, "This kind of job has none", "The result belongs to another kind of job."),
-    "cancelled": Kind(409, "The job was cancelled", "Its owner cancelled it; submit it again to run it."),
-    "server-stopped": Kind(503, "The server was stopped", "The job was under way then; submit it again."),
-    "out-of-memory": Kind(
+    "not-made": ProblemKind(404, "This kind of job has none", "The result belongs to another kind of job."),
+    "cancelled": ProblemKind(409, "The job was cancelled", "Its owner cancelled it; submit it again to run it."),
+    "server-stopped": ProblemKind(503, "The server was stopped", "The job was under way then; submit it again."),
+    "out-of-memory": ProblemKind(
         500, "The job needs too much memory", "Thin the points or the triangles out, or split the job."
     ),
-    "out-of-time": Kind(500, "The job takes too long", "Thin the points or the triangles out, or split the job."),
-    "worker-killed": Kind(500, "The job's process was killed", "Only this job is lost; submit it again."),
-    "internal": Kind(
+    "out-of-time": ProblemKind(
+        500, "The job takes too long", "Thin the points or the triangles out, or split the job."
+    ),
+    "worker-killed": ProblemKind(500, "The job's process was killed", "Only this job is lost; submit it again."),
+    "internal": ProblemKind(
         500, "Something went wrong in the server", "Tell the server's operator the reference; the log has the rest."
     ),
 }
@@ -245,7 +261,7 @@ def code_of(error: type[TapelayerError]) -> str:
     return re.sub(r"(?<!^)(?=[A-Z])", "-", error.__name__).lower()
 
 
-def _fault(fault: Fault) -> dict[str, Any]:
+def _fault(fault: InputFault) -> dict[str, Any]:
     told: dict[str, Any] = {"line": fault.line, "column": fault.column, "sentence": fault.sentence}
     if fault.place:
         told["section"], told["key"] = fault.place[0], ".".join(fault.place[1:2])

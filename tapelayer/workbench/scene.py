@@ -13,20 +13,21 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tapelayer.arrays import Floats, Ints, Mask
-from tapelayer.courses.course_file import Course
+from tapelayer.courses.course import Course
+from tapelayer.geometry.curves import Curve
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.geometry.toolpath import Curve
 from tapelayer.laying.evidence import Samples
 from tapelayer.laying.job import Job, Made
-from tapelayer.laying.program import place
+from tapelayer.laying.placing import courses_in_machine
+from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
-from tapelayer.setups.sections import DEG, MM, Setup
 from tapelayer.spraying.coat import Coat, growth
 from tapelayer.spraying.evidence import SpraySamples
 from tapelayer.spraying.job import SprayJob, SprayMade
-from tapelayer.spraying.reach import placed
+from tapelayer.spraying.reach import mesh_in_machine
 from tapelayer.spraying.settings import SpraySetup
+from tapelayer.units import DEG, MM
 
 # Circular blocks are divided until a straight line is as near to them, metres.
 ARC_TOLERANCE = 0.05e-3
@@ -95,7 +96,9 @@ def _lay_tables(made: Made, job: Job, numbers: Ints, mould: Mesh | None) -> dict
     if mould is not None:
         part = job.setup.part
         rotation = Rotation.from_euler("xyz", part.rotation_rad()).as_matrix()
-        tables["part"] = part_table(placed(mould, rotation, np.array([part.l1_mm, part.l2_mm, -part.l3_mm]) * MM))
+        tables["part"] = part_table(
+            mesh_in_machine(mould, rotation, np.array([part.l1_mm, part.l2_mm, -part.l3_mm]) * MM)
+        )
     return tables
 
 
@@ -251,7 +254,7 @@ def tape(samples: Samples, courses: Sequence[Course], setup: Setup) -> Table:
         setup: the job's values.
     """
     parts = [np.zeros((0, 8))]
-    for index, path in enumerate(place(courses, setup)):
+    for index, path in enumerate(courses_in_machine(courses, setup)):
         rows = slice(*np.searchsorted(samples.courses, [index, index + 1]).tolist())
         measured = np.isfinite(samples.arc_lengths[rows])
         arcs, times = np.maximum.accumulate(samples.arc_lengths[rows][measured]), samples.times[rows][measured]

@@ -15,8 +15,10 @@ from defusedxml import DefusedXmlException
 
 from post import controllers
 from tapelayer.geometry.mesh import Unit
-from tapelayer.setups.forms import MODELS, JobKind, text_of
-from tapelayer.setups.sections import Setup, parse_setup
+from tapelayer.jobs.kinds import MODELS, JobKind
+from tapelayer.laying.settings import Setup
+from tapelayer.setups.forms import text_of
+from tapelayer.setups.sections import parse_setup
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench.problems import Problem
 from tapelayer.workbench.uploads import Form, Sort, invalid, shown

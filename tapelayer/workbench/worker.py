@@ -25,9 +25,10 @@ from typing import Any
 
 from tapelayer.atomic_files import write_files
 from tapelayer.errors import TapelayerError
-from tapelayer.geometry.mesh import parse_mesh
+from tapelayer.geometry.stl import parse_mesh
 from tapelayer.laying.job import Job, Made
-from tapelayer.setups.sections import Setup, parse_setup
+from tapelayer.laying.settings import Setup
+from tapelayer.setups.sections import parse_setup
 from tapelayer.spraying.job import SprayJob, SprayMade
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench import problems, scene

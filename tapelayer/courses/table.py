@@ -1,0 +1,115 @@
+"""Table: all courses of a file as rows, before they are courses."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Ints, Mask
+
+# An arc length may differ from the chord by this share of the chord, and by this much more, in metres.
+CHORD_SHARE = 0.01
+CHORD_SLACK = 0.05e-3
+# Characters of a line without its comment; a point takes less than 200 however it is printed.
+LONGEST_LINE = 1000
+# Python's float() also takes underscores and the digits of other scripts; a course file's numbers are plain ASCII.
+NUMBER = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+
+
+@dataclass(frozen=True, eq=False)
+class CourseTable:
+    """All courses of a file in one table.
+
+    Attributes:
+        numbers: (m) course numbers.
+        cut_angles: (m) pairs, radians.
+        counts: (m,) points of each course.
+        rows: (n, 7) points in mm, normals of any length, arc lengths in mm.
+        readable: (n,) the row has seven finite numbers; what else stands in another row means nothing.
+    """
+
+    numbers: Sequence[int]
+    cut_angles: Sequence[tuple[float, float]]
+    counts: Ints
+    rows: Floats
+    readable: Mask
+
+    @property
+    def without_normal(self) -> Mask:
+        """Rows (n,) whose normal has length zero."""
+        zero: Mask = (self.rows[:, 3] == 0.0) & (self.rows[:, 4] == 0.0) & (self.rows[:, 5] == 0.0)
+        return zero
+
+
+@dataclass(frozen=True, eq=False)
+class TableSteps:
+    """From each row of a table to the next.
+
+    Attributes:
+        inside: (n - 1,) both rows are of one course and could be read.
+        chords: (n - 1,) metres.
+        growths: (n - 1,) of the arc length, metres.
+    """
+
+    inside: Mask
+    chords: Floats
+    growths: Floats
+
+    @classmethod
+    def of(cls, table: CourseTable) -> TableSteps:
+        """Steps of a table."""
+        rows = from_mm(table.rows[:, [0, 1, 2, 6]])
+        inside = np.ones(max(len(rows) - 1, 0), dtype=np.bool_)
+        borders = np.cumsum(table.counts)[:-1] - 1
+        inside[borders[(borders >= 0) & (borders < len(inside))]] = False
+        inside &= table.readable[:-1] & table.readable[1:]
+        with np.errstate(over="ignore", invalid="ignore"):
+            steps = np.diff(rows, axis=0)
+            chords = np.sqrt(np.einsum("ij,ij->i", steps[:, :3], steps[:, :3]))
+        return cls(inside, chords, steps[:, 3])
+
+    @property
+    def standing(self) -> Mask:
+        """Steps (n - 1,) between two rows at one place."""
+        return self.inside & ~(self.chords > 0.0)
+
+    @property
+    def falling(self) -> Mask:
+        """Steps (n - 1,) along which the arc length does not increase."""
+        return self.inside & ~(self.growths > 0.0)
+
+    @property
+    def off(self) -> Mask:
+        """Steps (n - 1,) along which the arc length is not that of the chord."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            # A chord beyond all doubles allows no difference, rather than every one.
+            allowed = np.minimum(CHORD_SHARE * self.chords + CHORD_SLACK, np.finfo(np.float64).max)
+            return self.inside & ~(np.abs(self.growths - self.chords) <= allowed)
+
+
+def from_mm(mm: Floats) -> Floats:
+    """Return metres for the millimetres of a file; any shape."""
+    return mm / 1000.0
+
+
+def unit_normals(normals: Floats) -> Floats:
+    """Unit normals (n, 3); one that is a unit vector already, as far as rounding tells, stays as it is."""
+    units = np.ascontiguousarray(normals)
+    with np.errstate(over="ignore"):
+        squares = np.einsum("ij,ij->i", units, units)
+    if np.any(extreme := ~((squares > 1e-200) & (squares < 1e200))):
+        units[extreme] /= np.max(np.abs(units[extreme]), axis=1)[:, None]
+        squares[extreme] = np.einsum("ij,ij->i", units[extreme], units[extreme])
+    done = np.abs(squares - 1.0) <= 8 * np.finfo(np.float64).eps
+    units /= np.where(done, 1.0, np.sqrt(squares))[:, None]
+    return units
+
+
+def cut_angle(word: bytes) -> float:
+    """Radians, NaN where the word is no angle between 0 and 180 degrees."""
+    angle = math.radians(float(word)) if NUMBER.fullmatch(word) else math.nan
+    return angle if 0.0 < angle < math.pi else math.nan

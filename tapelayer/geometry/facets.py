@@ -1,0 +1,20 @@
+"""Facets: triangles by themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tapelayer.arrays import Floats
+
+
+def distances_to(triangles: Floats, points: Floats) -> Floats:
+    """Distance (n,) of each point (n, 3) from its triangle (n, 3, 3), in their unit."""
+    begins, ways = triangles, np.roll(triangles, -1, axis=1) - triangles
+    away = points[:, None] - begins
+    normals = np.cross(ways[:, 0], ways[:, 1])
+    normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+    over = np.all(np.einsum("nij,nij->ni", np.cross(ways, away), normals[:, None]) >= 0.0, axis=1)
+    share = np.einsum("nij,nij->ni", away, ways) / np.einsum("nij,nij->ni", ways, ways)
+    to_edges = np.linalg.norm(away - np.clip(share, 0.0, 1.0)[..., None] * ways, axis=2).min(axis=1)
+    distances: Floats = np.where(over, np.abs(np.einsum("ij,ij->i", away[:, 0], normals)), to_edges)
+    return distances

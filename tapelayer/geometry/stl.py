@@ -1,0 +1,167 @@
+"""STL files, binary and ASCII: bytes to meshes; nothing else knows the format."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from tapelayer.arrays import Floats
+from tapelayer.errors import InputFault, MeshRefused
+from tapelayer.geometry.mending import mended
+from tapelayer.geometry.mesh import Mesh, Unit
+
+METRES: dict[Unit, float] = {"mm": 1e-3, "m": 1.0, "in": 0.0254}
+LARGEST_SIDE = 1000.0  # metres; beyond it, it is a damaged file or a wrong unit and no part
+
+HEADER_BYTES = 80
+RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+FACET_WORDS = (
+    *(b"facet", b"normal", None, None, None, b"outer", b"loop"),
+    *(b"vertex", None, None, None) * 3,
+    *(b"endloop", b"endfacet"),
+)
+CORNER_COLUMNS = (8, 9, 10, 12, 13, 14, 16, 17, 18)
+NAME_LINE = re.compile(rb"^[ \t]*(?:end)?solid\b[^\r\n]*", re.MULTILINE)
+
+
+def read_mesh(path: Path, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
+    """Mesh from a binary or ASCII STL file, mended.
+
+    Args:
+        path: the file.
+        unit: unit of its numbers; STL does not state one.
+        spot: diameter of the spot in metres: a part smaller than it is taken for one in another unit.
+
+    Raises:
+        MeshRefused: the file is missing, or as `parse_mesh`.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise MeshRefused.unreadable(str(path), error) from None
+    return parse_mesh(data, str(path), unit, spot)
+
+
+def parse_mesh(data: bytes, name: str, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
+    """Mesh from the bytes of a binary or ASCII STL file, mended.
+
+    Args:
+        data: the file's bytes.
+        name: the file as the user named it, for messages.
+        unit: unit of its numbers; STL does not state one.
+        spot: diameter of the spot in metres: a part smaller than it is taken for one in another unit.
+
+    Raises:
+        MeshRefused: the file is empty, cut short or no STL, has corners that are no finite numbers, or nothing is left
+            of it to work on.
+    """
+    triangles, ignored = _triangles(name, data)
+    wrong = np.flatnonzero(~np.all(np.isfinite(triangles), axis=(1, 2)))
+    if len(wrong):
+        count = f"{len(wrong)} of {len(triangles)} facets have" if len(wrong) > 1 else "a facet has"
+        raise _refused(name, f"{count} corners that are no finite numbers, first facet {wrong[0] + 1}; export it again")
+    triangles = triangles * METRES[unit]
+    sides = np.ptp(triangles.reshape(-1, 3), axis=0)
+    if sides.max() < spot:
+        raise _refused(
+            name,
+            f"the part's largest side is {sides.max() * 1e3:.3g} mm, less than the spot of {spot * 1e3:g} mm; "
+            f"if the file is not in {unit}, say so: --unit {'m' if unit != 'm' else 'mm'}",
+        )
+    if sides.max() > LARGEST_SIDE:
+        raise _refused(
+            name,
+            f"the part's largest side is {sides.max():.3g} m, expected at most {LARGEST_SIDE:g} m; "
+            f"if the file is not in {unit}, say so: --unit {'mm' if unit != 'mm' else 'in'}",
+        )
+    vertices, facets, mending = mended(triangles)
+    if not len(facets):
+        raise _refused(name, f"no facet is left: all {len(triangles)} are without area; export it again")
+    return Mesh(
+        vertices=vertices,
+        facets=facets,
+        name=Path(name).name,
+        sha256=hashlib.sha256(data).hexdigest(),
+        unit=unit,
+        mending=replace(mending, bytes_ignored=ignored),
+    )
+
+
+def _triangles(name: str, data: bytes) -> tuple[Floats, int]:
+    """Corners (m, 3, 3) in the file's unit, and how many bytes follow the last facet of a binary file."""
+    if not data:
+        raise _refused(name, "the file is empty")
+    count = int.from_bytes(data[HEADER_BYTES : HEADER_BYTES + 4], "little")
+    expected = HEADER_BYTES + 4 + count * RECORD.itemsize
+    if len(data) != expected and b"\0" not in data[:1024]:
+        return _ascii_triangles(name, data), 0
+    if len(data) < HEADER_BYTES + 4:
+        raise _refused(
+            name, f"the file has {len(data)} bytes, expected a header of {HEADER_BYTES + 4}: it is cut short"
+        )
+    if len(data) < expected:
+        raise _refused(
+            name,
+            f"a binary STL of {count} facets has {expected} bytes, got {len(data)}: it is cut short; export it again",
+        )
+    if not count:
+        raise _refused(name, f"the header counts no facets, and {len(data) - expected} bytes follow; export it again")
+    records = np.frombuffer(data, dtype=RECORD, count=count, offset=HEADER_BYTES + 4)
+    return records["corners"].astype(np.float64), len(data) - expected
+
+
+def _ascii_triangles(name: str, data: bytes) -> Floats:
+    """Corners (m, 3, 3) in the file's unit."""
+    text = data.lower()
+    if not text.lstrip().startswith(b"solid"):
+        begin = data.strip()[:40].partition(b"\n")[0].decode("ascii", "replace")
+        raise _refused(name, f"this is no STL file, it begins with {begin!r}; export the part as STL")
+    names = [line.split()[0] for line in NAME_LINE.findall(text)]
+    text = NAME_LINE.sub(b"", text)
+    words = text.split()
+    facets = len(words) // len(FACET_WORDS)
+    columns = [words[column :: len(FACET_WORDS)] for column in range(len(FACET_WORDS))]
+    in_place = (column.count(word) == facets for word, column in zip(FACET_WORDS, columns, strict=True) if word)
+    if len(words) % len(FACET_WORDS) or not all(in_place):
+        raise MeshRefused(name, [_ascii_fault(text)])
+    if names.count(b"solid") != names.count(b"endsolid"):
+        raise _refused(name, "the file ends without endsolid: it is cut short; export it again", len(data.splitlines()))
+    if not facets:
+        raise _refused(name, "the file holds no facets")
+    try:
+        numbers = np.array([columns[column] for column in CORNER_COLUMNS]).astype(np.float64)
+    except ValueError as error:
+        raise MeshRefused(name, [_ascii_fault(text)]) from error
+    return numbers.T.reshape(-1, 3, 3)
+
+
+def _ascii_fault(text: bytes) -> InputFault:
+    """The first word of an ASCII STL's facets that is out of place."""
+    for position, word in enumerate(re.finditer(rb"\S+", text)):
+        column = position % len(FACET_WORDS)
+        expected, got = FACET_WORDS[column], word.group()
+        if expected not in (None, got) or (column in CORNER_COLUMNS and not _is_number(got)):
+            wanted = expected.decode() if expected else "a number"
+            line = text.count(b"\n", 0, word.start()) + 1
+            facet = position // len(FACET_WORDS) + 1
+            return InputFault(
+                line, f"expected {wanted}, got {got.decode('ascii', 'replace')!r} in facet {facet}; export it again"
+            )
+    facet = len(text.split()) // len(FACET_WORDS) + 1
+    return InputFault(len(text.splitlines()), f"the file ends inside facet {facet}: it is cut short; export it again")
+
+
+def _is_number(word: bytes) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _refused(name: str, sentence: str, line: int = 0) -> MeshRefused:
+    return MeshRefused(name, [InputFault(line, sentence)])

@@ -1,0 +1,72 @@
+"""Pitch: how far apart passes may lie for the coat to be even."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from tapelayer.arrays import Floats
+from tapelayer.errors import PitchNotFound
+from tapelayer.spraying.footprint import Footprint
+from tapelayer.units import MM
+
+# Samples in half a period of a raster, and steps to one more overlapping pass in the search for a pitch.
+_HALF_PERIOD = 240
+_OVERLAP_STEPS = 25
+
+# Overlapping passes with which the search for a pitch begins.
+_MOST_OVERLAP = 32
+
+
+def raster_cv(footprint: Footprint, pitch: float) -> float:
+    """Standard deviation over mean of the thickness under endless straight passes a pitch (metres) apart on a plane."""
+    return _raster_cv(footprint.across, footprint.reach, pitch)
+
+
+def widest_pitch(footprint: Footprint, target_cv: float) -> float:
+    """Widest pitch in metres such that this and every narrower one keep a coefficient of variation on a plane.
+
+    The coefficient of variation does not simply grow with the pitch: a wider pitch behind one that does not keep the
+    target is not taken. Beyond twice the reach, where passes do not overlap, none is taken either.
+
+    Args:
+        footprint: what the gun leaves.
+        target_cv: standard deviation over mean, e.g. 0.05.
+
+    Raises:
+        PitchNotFound: passes would have to be closer than 1/32 of the footprint's diameter.
+    """
+    reach = footprint.reach
+    offsets = np.linspace(0.0, reach, 4097)
+    profile = footprint.across(offsets)
+
+    def cv(overlap: float) -> float:
+        return _raster_cv(lambda x: np.interp(np.abs(x), offsets, profile, right=0.0), reach, 2 * reach / overlap)
+
+    # Bumps of the coefficient of variation come once for each pass that overlaps.
+    steps = np.arange(_MOST_OVERLAP * _OVERLAP_STEPS, _OVERLAP_STEPS - 1, -1) / _OVERLAP_STEPS
+    kept = steps[0]
+    if not cv(kept) <= target_cv:
+        raise PitchNotFound(
+            f"no pitch above {2 * reach / kept / MM:.3g} mm keeps a coefficient of variation of {100 * target_cv:g} % "
+            "on a plane; raise target_cv_percent, or set pitch_mm to a number"
+        )
+    for overlap in steps[1:]:
+        if not cv(overlap) <= target_cv:
+            lost = overlap
+            for _ in range(40):
+                middle = 0.5 * (kept + lost)
+                kept, lost = (middle, lost) if cv(middle) <= target_cv else (kept, middle)
+            break
+        kept = overlap
+    return float(2 * reach / kept)
+
+
+def _raster_cv(across: Callable[[Floats], Floats], reach: float, pitch: float) -> float:
+    # Thickness is even about each pass: half a period tells all.
+    offsets = (np.arange(_HALF_PERIOD) + 0.5) / _HALF_PERIOD * pitch / 2
+    passes = math.ceil(reach / pitch) + 1
+    thickness = np.sum(across(offsets[:, None] - pitch * np.arange(-passes, passes + 1)), axis=1)
+    return float(np.std(thickness) / np.mean(thickness))

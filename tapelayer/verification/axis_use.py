@@ -1,0 +1,125 @@
+"""Axis use: how far and how fast the axes of a program go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tapelayer.arrays import Floats
+from tapelayer.motion.trajectory import Kind, Trajectory
+from tapelayer.units import DEG, MM, json_number
+
+if TYPE_CHECKING:
+    from tapelayer.machines.machine import Axis
+
+
+# A feed word of six digits and the time made from it agree this well.
+FEED_DIGITS = 1e-5
+
+
+@dataclass(frozen=True)
+class AxisUse:
+    """How far and how fast an axis goes, in metres and radians.
+
+    Attributes:
+        name: joint name.
+        revolute: True for radians.
+        least: smallest value.
+        greatest: largest value.
+        lower: lower end of travel.
+        upper: upper end of travel.
+        top_speed: highest speed in a feed block.
+        speed_limit: the axis's speed limit.
+    """
+
+    name: str
+    revolute: bool
+    least: float
+    greatest: float
+    lower: float
+    upper: float
+    top_speed: float
+    speed_limit: float
+
+    @property
+    def margin(self) -> float:
+        """Least distance to an end of the travel."""
+        return min(self.least - self.lower, self.upper - self.greatest)
+
+    @property
+    def unit(self) -> str:
+        """Unit in which the axis is written."""
+        return "deg" if self.revolute else "mm"
+
+    @property
+    def scale(self) -> float:
+        """From metres or radians to that unit."""
+        return 1 / DEG if self.revolute else 1 / MM
+
+    @property
+    def failures(self) -> tuple[str, str]:
+        """How failures of its travel and of its speed are called."""
+        return f"axis_{self.name}_{self.unit}", f"axis_{self.name}_speed_{self.unit}_per_s"
+
+    def values(self) -> dict[str, Any]:
+        """The axis for JSON, in the unit it is written in."""
+        values = {
+            "min": self.least,
+            "max": self.greatest,
+            "lower": self.lower,
+            "upper": self.upper,
+            "margin": self.margin,
+            "max_speed": self.top_speed,
+            "speed_limit": self.speed_limit,
+        }
+        return {"unit": self.unit, **{key: json_number(value * self.scale) for key, value in values.items()}}
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """A block in which an axis is beyond its travel, or faster than it may be; value and limit are in its unit."""
+
+    block: int
+    what: str
+    value: float
+    limit: float
+
+
+def axes_used(
+    trajectory: Trajectory, axes: Sequence[Axis], digits: Floats, rounding: Floats
+) -> tuple[tuple[AxisUse, ...], list[Beyond]]:
+    """Travel and speed of every axis, and the worst block of each that is beyond.
+
+    Args:
+        trajectory: planned, or read back from a program.
+        axes: its axes, in the order of its columns.
+        digits: (k,) last written digit of each axis, metres and radians: a place is known to half of it.
+        rounding: (k,) metres and radians by which an axis may have gone less than its words say, in one block.
+    """
+    uses, found = [], []
+    feeding = np.flatnonzero(np.isin(trajectory.kinds, (Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
+    begins, ends = trajectory.begins(feeding), trajectory.positions[feeding]
+    spans = trajectory.durations[feeding]
+    for column, axis in enumerate(axes):
+        values = trajectory.positions[:, column]
+        stated = values[~np.isnan(values)]
+        least, greatest = float(np.min(stated, initial=np.inf)), float(np.max(stated, initial=-np.inf))
+        steps = np.abs(ends[:, column] - begins[:, column])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            speeds = np.where(steps > rounding[column], (steps - rounding[column]) / spans, 0.0)
+        top = float(np.max(speeds, initial=0.0))
+        use = AxisUse(axis.name, axis.revolute, least, greatest, axis.lower, axis.upper, top, axis.speed)
+        travel, speed = use.failures
+        inside = (stated >= axis.lower - digits[column] / 2) & (stated <= axis.upper + digits[column] / 2)
+        if not np.all(inside):
+            row = int(np.argmax(np.nan_to_num(np.maximum(axis.lower - values, values - axis.upper), nan=-np.inf)))
+            bound = axis.lower if values[row] < axis.lower else axis.upper
+            found.append(Beyond(row, travel, float(values[row]) * use.scale, bound * use.scale))
+        if not top <= axis.speed * (1 + FEED_DIGITS):
+            row = int(feeding[np.argmax(np.nan_to_num(speeds, nan=np.inf))])
+            found.append(Beyond(row, speed, top * use.scale, axis.speed * use.scale))
+        uses.append(use)
+    return tuple(uses), found

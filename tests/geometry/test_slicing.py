@@ -1,0 +1,557 @@
+from __future__ import annotations
+
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tapelayer.geometry import envelope, slicing
+from tapelayer.geometry.mending import Mending, mended
+from tapelayer.geometry.mesh import Mesh
+from tapelayer.geometry.stl import read_mesh
+from tests.helpers.paths import SHARED
+
+GEOMETRY = SHARED / "geometry"
+PARTS = [
+    "autofiber_curved_panel_1m",
+    "c172_wing",
+    "cylinder_1m",
+    "drivaer_front_fender",
+    "drivaer_hood",
+    "iea15mw_blade_skin_30m",
+    "onera_m6_upper_skin",
+    "wavy_with_hole_1m",
+    "yf23_2m",
+]
+X, Y, Z = np.eye(3)
+
+
+def part(name):
+    path = GEOMETRY / f"{name}.stl"
+    if not path.exists():
+        pytest.skip(f"{path.name} of the shared data is not here")
+    return read_mesh(path)
+
+
+def surface(vertices, facets):
+    """A mesh of exactly these facets."""
+    facets = np.asarray(facets, dtype=np.int64)
+    return Mesh(np.asarray(vertices, dtype=np.float64), facets, "", "", "m", Mending(len(facets)))
+
+
+def from_triangles(triangles):
+    vertices, facets, mending = mended(np.asarray(triangles, dtype=np.float64))
+    return Mesh(vertices, facets, "", "", "m", mending)
+
+
+def box(low, high):
+    return trimesh.creation.box(bounds=[low, high]).triangles
+
+
+def clear_of_vertices(mesh, direction, heights, clearance=1e-8):
+    """The heights, moved up until they are clear of every vertex."""
+    altitudes = np.unique(mesh.vertices @ direction)
+    moved = []
+    for height in heights:
+        while np.min(np.abs(altitudes - height)) < clearance:
+            height += clearance / 3
+        moved.append(height)
+    return np.array(moved)
+
+
+def inside(mesh, direction, count):
+    altitudes = mesh.vertices @ direction
+    return np.linspace(altitudes.min(), altitudes.max(), count + 2)[1:-1]
+
+
+def cut_one_by_one(mesh, direction, heights):
+    """Ends of every segment by facet and plane, from the definition: a corner at a height or higher is above."""
+    segments = {}
+    for facet, corners in enumerate(mesh.facets):
+        for plane, height in enumerate(heights):
+            ends = []
+            for a, b in pairwise([*corners, corners[0]]):
+                p, q = mesh.vertices[a], mesh.vertices[b]
+                s, t = p @ direction, q @ direction
+                if (s >= height) != (t >= height):
+                    ends.append(p + (height - s) / (t - s) * (q - p))
+            if ends:
+                segments[facet, plane] = np.array(ends)
+    return segments
+
+
+def check_sections(sections, mesh, direction, heights):
+    """Every segment once, where it belongs, in curves that go on to a neighbour and end only where there is none."""
+    expected = cut_one_by_one(mesh, direction, heights)
+    with_length = {key: ends for key, ends in expected.items() if np.linalg.norm(ends[1] - ends[0]) > 1e-12}
+    assert np.array_equal(sections.planes, np.sort(sections.planes))
+    assert len(sections.offsets) == len(sections.planes) + 1 == len(sections.closed) + 1
+    assert sections.offsets[-1] == len(sections.points) == len(sections.facets)
+    assert np.all(np.diff(sections.offsets) >= 2)
+    found = {}
+    for curve, (begin, end) in enumerate(pairwise(sections.offsets)):
+        plane = int(sections.planes[curve])
+        for row in range(begin, end - 1):
+            key = int(sections.facets[row]), plane
+            assert key not in found
+            found[key] = sections.points[row : row + 2]
+        assert sections.facets[end - 1] == sections.facets[end - 2]
+        if sections.closed[curve]:
+            assert np.array_equal(sections.points[begin], sections.points[end - 1])
+    assert with_length.keys() <= found.keys() <= expected.keys()
+    for (facet, plane), ends in found.items():
+        down_and_up = expected[facet, plane]
+        apart = [np.max(np.abs(ends - down_and_up)), np.max(np.abs(ends - down_and_up[::-1]))]
+        assert min(apart) < 1e-12
+        step = ends[1] - ends[0]
+        if np.linalg.norm(step) > 1e-9:
+            assert step @ np.cross(direction, mesh.normals[facet]) > 0
+    total = sum(float(np.linalg.norm(ends[1] - ends[0])) for ends in expected.values())
+    assert float(np.sum(sections.lengths)) == pytest.approx(total, rel=1e-12, abs=1e-12)
+
+
+# Sections
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_sections_are_as_long_as_trimesh_cuts_them(name):
+    mesh = part(name)
+    # In millimetres, for which trimesh's fixed tolerances are made.
+    other = trimesh.Trimesh(mesh.vertices * 1e3, mesh.facets, process=False)
+    for travel in (0.0, np.pi / 6, np.pi / 2):
+        direction = slicing.plane_direction(travel)
+        heights = clear_of_vertices(mesh, direction, inside(mesh, direction, 37))
+        sections = slicing.slice(mesh, direction, heights)
+        lines, _, _ = trimesh.intersections.mesh_multiplane(other, np.zeros(3), direction, heights * 1e3)
+        for plane, cut in enumerate(lines):
+            own = sections.planes[np.repeat(np.arange(len(sections.planes)), np.diff(sections.offsets) - 1)] == plane
+            expected = float(np.sum(np.linalg.norm(cut[:, 1] - cut[:, 0], axis=1))) * 1e-3
+            assert float(np.sum(sections.lengths[own])) == pytest.approx(expected, rel=1e-9)
+
+
+def test_closed_curves_of_500_planes_through_200_000_facets():
+    latitudes, longitudes = np.meshgrid(np.arange(400), np.arange(250), indexing="ij")
+    around, across = longitudes.ravel() * 2 * np.pi / 250, latitudes.ravel() * 2 * np.pi / 400
+    wave = 0.3 + 0.03 * np.sin(9 * around) * np.cos(7 * across)
+    ring = 1 + wave * np.cos(across)
+    vertices = np.stack([ring * np.cos(around), ring * np.sin(around), wave * np.sin(across)], axis=1)
+    a = (latitudes * 250 + longitudes).ravel()
+    b = (latitudes * 250 + (longitudes + 1) % 250).ravel()
+    c, d = ((corner + 250) % len(vertices) for corner in (a, b))
+    mesh = surface(vertices, np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)]))
+    assert len(mesh.facets) == 200_000 and np.all(mesh.neighbours >= 0)
+    direction = np.array([0.36, 0.48, 0.8])
+    heights = clear_of_vertices(mesh, direction, inside(mesh, direction, 500), 1e-9)
+    sections = slicing.slice(mesh, direction, heights)
+    assert np.array_equal(np.unique(sections.planes), np.arange(500))
+    assert np.all(sections.closed)
+    first, last = sections.offsets[:-1], sections.offsets[1:] - 1
+    np.testing.assert_array_equal(sections.points[first], sections.points[last])
+    planes = np.repeat(sections.planes, np.diff(sections.offsets))
+    np.testing.assert_allclose(sections.points @ direction, heights[planes], atol=1e-14)
+    other = trimesh.Trimesh(vertices * 1e3, mesh.facets, process=False)
+    lines, _, _ = trimesh.intersections.mesh_multiplane(other, np.zeros(3), direction, heights * 1e3)
+    expected = sum(float(np.sum(np.linalg.norm(cut[:, 1] - cut[:, 0], axis=1))) for cut in lines) * 1e-3
+    assert float(np.sum(sections.lengths)) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("direction", [X, Y, Z, np.array([0.6, 0.8, 0.0]), np.array([2.0, -1.0, 2.0]) / 3])
+def test_a_sphere_is_cut_into_circles(direction):
+    sphere = trimesh.creation.icosphere(subdivisions=5)
+    mesh = surface(sphere.vertices, sphere.faces)
+    # The distance of the farthest facet's plane: one less the sagitta, and the cosine of the angle to its corners.
+    cosine = float(np.min(np.einsum("ij,ij->i", sphere.face_normals, sphere.triangles[:, 0])))
+    heights = np.linspace(-0.97, 0.97, 41)
+    sections = slicing.slice(mesh, direction, heights)
+    assert np.array_equal(sections.planes, np.arange(41)) and np.all(sections.closed)
+    np.testing.assert_allclose(sections.points @ direction, np.repeat(heights, np.diff(sections.offsets)), atol=1e-15)
+    rows = sections.segments
+    for points in (sections.points[rows], (sections.points[rows] + sections.points[rows + 1]) / 2):
+        distances = np.linalg.norm(points, axis=1)
+        assert np.all((distances <= 1 + 1e-12) & (distances >= cosine - 1e-12))
+        along_normals = np.einsum("ij,ij->i", points, mesh.normals[sections.facets[rows]])
+        assert np.all(along_normals >= (cosine - 1e-12) * distances)
+    curves = np.repeat(np.arange(41), np.diff(sections.offsets) - 1)
+    lengths = np.bincount(curves, weights=sections.lengths)
+    circles = 2 * np.pi * np.sqrt(1 - heights**2)
+    inner = 2 * np.pi * np.sqrt(cosine**2 - heights**2)
+    assert np.all((lengths <= circles) & (lengths >= inner))
+
+
+def test_planes_exactly_through_vertices_edges_and_facets():
+    mesh = from_triangles(box([0, 0, 0], [1, 1, 1]))
+    for direction in (X, Y, Z):
+        sections = slicing.slice(mesh, direction, np.array([-1.0, 0.0, 0.25, 1.0, 2.0]))
+        # The facet at 0 is above its plane, with all of the box; the facet at 1 is above its plane, the box below.
+        assert sections.planes.tolist() == [2, 3]
+        assert np.all(sections.closed)
+        np.testing.assert_array_equal(sections.points @ direction, np.repeat([0.25, 1.0], np.diff(sections.offsets)))
+        assert float(np.sum(sections.lengths)) == pytest.approx(8.0, rel=1e-15)
+        check_sections(sections, mesh, direction, sections.heights)
+
+
+def test_a_plane_through_four_corners_and_through_the_tips_of_an_octahedron():
+    corners = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+    facets = [(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 5), (3, 1, 5), (0, 3, 5)]
+    sections = slicing.slice(surface(corners, facets), Z, np.array([-1.0, 0.0, 1.0]))
+    assert sections.planes.tolist() == [1] and sections.closed.tolist() == [True]
+    np.testing.assert_array_equal(np.sort(sections.points[:-1, :2], axis=0), np.sort(corners[:4, :2], axis=0))
+    assert float(np.sum(sections.lengths)) == pytest.approx(4 * np.sqrt(2))
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 30), st.sampled_from([X, Y, Z, np.array([0.6, 0.0, 0.8])]))
+@settings(max_examples=80, deadline=None)
+def test_any_facets_are_cut_where_they_are(seed, facet_count, direction):
+    """Facets on a lattice: planes through vertices, along edges and facets, edges of many facets, mixed winding."""
+    random = np.random.default_rng(seed)
+    vertices = np.array(list(product(range(3), repeat=3)), dtype=np.float64)
+    facets = np.array([random.permutation(27)[:3] for _ in range(facet_count)])
+    a, b, c = vertices[facets.T]
+    facets = facets[np.any(np.cross(b - a, c - a) != 0, axis=1)]
+    mesh = surface(vertices, facets)
+    heights = np.unique(np.concatenate([vertices @ direction, [0.5, 1.3]]))
+    sections = slicing.slice(mesh, direction, heights)
+    check_sections(sections, mesh, direction, heights)
+
+
+@given(st.sets(st.tuples(*[st.integers(0, 2)] * 3), min_size=1), st.integers(0, 2**32 - 1), st.sampled_from([0, 1, 2]))
+@settings(max_examples=60, deadline=None)
+def test_solids_of_cubes_give_closed_curves_round_their_cubes(cubes, seed, axis):
+    """Faces in planes, and edges of four facets where cubes touch."""
+    sides = []
+    for cube in cubes:
+        low = np.array(cube)
+        for triangle in box(low, low + 1):
+            normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+            if tuple((low + np.sign(normal)).astype(int)) not in cubes:
+                sides.append(triangle)
+    mesh = from_triangles(np.random.default_rng(seed).permutation(np.array(sides)))
+    heights = np.array([0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
+    sections = slicing.slice(mesh, np.eye(3)[axis], heights)
+    check_sections(sections, mesh, np.eye(3)[axis], heights)
+    assert np.all(sections.closed)
+    solid = np.zeros((5, 5, 5))
+    for cube in cubes:
+        solid[tuple(np.array(cube) + 1)] = 1
+    solid = np.moveaxis(solid, axis, 0)
+    # What lies on a plane is above it: a plane at 1 cuts the cubes below 1.
+    layers = solid[np.ceil(heights).astype(int)]
+    perimeters = [np.sum(np.abs(np.diff(layer, axis=way))) for layer in layers for way in (0, 1)]
+    assert float(np.sum(sections.lengths)) == pytest.approx(np.sum(perimeters), rel=1e-12)
+
+
+def test_curves_end_only_where_there_is_no_neighbour():
+    mesh = part("yf23_2m")
+    direction = slicing.plane_direction(0.3)
+    heights = inside(mesh, direction, 60)
+    sections = slicing.slice(mesh, direction, heights)
+    altitudes = mesh.vertices @ direction
+    begin, end = altitudes[mesh.facets], altitudes[np.roll(mesh.facets, -1, axis=1)]
+    alone = mesh.neighbours < 0
+    up = alone[..., None] & (begin[..., None] < heights) & (end[..., None] >= heights)
+    down = alone[..., None] & (begin[..., None] >= heights) & (end[..., None] < heights)
+    assert np.sum(~sections.closed) == np.sum(up) == np.sum(down) > 0
+
+
+def test_many_small_bodies_each_have_their_curve():
+    tetrahedron = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])[[[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]]
+    places = np.array(list(product(range(12), range(12), [0])), dtype=np.float64) * 2
+    mesh = from_triangles(np.concatenate([tetrahedron + place for place in places]))
+    heights = np.linspace(0.1, 0.9, 7)
+    sections = slicing.slice(mesh, Z, heights)
+    assert np.array_equal(sections.planes, np.repeat(np.arange(7), 144)) and np.all(sections.closed)
+    assert np.array_equal(np.diff(sections.offsets), np.full(7 * 144, 4))
+    expected = 144 * np.sum((1 - heights) * (2 + np.sqrt(2)))
+    assert float(np.sum(sections.lengths)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_one_plane_along_a_strip_of_many_facets_is_one_curve():
+    count = 20_000
+    x = np.repeat(np.arange(count + 1.0), 2)
+    vertices = np.stack([x, np.tile([-1.0, 1.0], count + 1), np.cos(x)], axis=1)
+    first = 2 * np.arange(count)
+    lower, upper = np.stack([first, first + 2, first + 1], axis=1), np.stack([first + 1, first + 2, first + 3], axis=1)
+    facets = np.random.default_rng(1).permutation(np.concatenate([lower, upper]))
+    sections = slicing.slice(surface(vertices, facets), Y, np.array([0.25]))
+    assert sections.closed.tolist() == [False]
+    assert len(sections.points) == 2 * count + 1
+    # Normals are upward: the curve runs along direction x normal, +x.
+    assert np.all(np.diff(sections.points[:, 0]) > 0)
+    np.testing.assert_allclose(sections.points[[0, -1]], [[0, 0.25, 1], [count, 0.25, np.cos(count)]], atol=1e-12)
+
+
+def test_nothing_cut_is_nothing():
+    mesh = from_triangles(box([0, 0, 0], [1, 1, 1]))
+    for heights in (np.array([]), np.array([5.0])):
+        sections = slicing.slice(mesh, X, heights)
+        assert sections.points.shape == (0, 3) and sections.offsets.tolist() == [0]
+        upper = envelope.upper_envelope(mesh, sections, 0.02)
+        assert upper.points.shape == (0, 3) and upper.offsets.tolist() == [0]
+
+
+def test_sections_are_read_only_and_the_same_every_time():
+    mesh = from_triangles(box([0, 0, 0], [1, 1, 1]))
+    one, two = (slicing.slice(mesh, X, np.array([0.3, 0.6])) for _ in range(2))
+    for name in ("direction", "heights", "points", "facets", "offsets", "planes", "closed"):
+        assert np.array_equal(getattr(one, name), getattr(two, name))
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(one, name)[0] = 0
+
+
+@pytest.mark.parametrize(
+    ("direction", "heights", "sentence"),
+    [
+        (2 * X, [0.5], "expected a direction of length 1"),
+        (np.nan * X, [0.5], "expected a direction of length 1"),
+        (X, [0.5, 0.4], "expected finite heights that do not decrease"),
+        (X, [0.5, np.nan], "expected finite heights that do not decrease"),
+    ],
+)
+def test_planes_that_are_none_are_refused(direction, heights, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        slicing.slice(from_triangles(box([0, 0, 0], [1, 1, 1])), direction, np.array(heights))
+
+
+# Planes
+
+
+@pytest.mark.parametrize("degrees", [-180, -90, -45, 0, 30, 45, 60, 90, 135, 180, 270, 360])
+def test_planes_contain_the_travel_direction(degrees):
+    travel = np.radians(degrees)
+    direction = slicing.plane_direction(travel)
+    np.testing.assert_allclose(direction, [-np.sin(travel), np.cos(travel), 0], atol=1e-15)
+    np.testing.assert_allclose(np.cross(direction, Z), [np.cos(travel), np.sin(travel), 0], atol=1e-15)
+    if degrees % 90 == 0:
+        assert sorted(np.abs(direction).tolist()) == [0, 0, 1]
+
+
+@pytest.mark.parametrize(("width", "pitch", "count"), [(1.0, 0.3, 4), (1.0, 0.25, 4), (1.0, 2.0, 1), (1.0, 1.0, 1)])
+def test_planes_are_a_pitch_apart_and_centred(width, pitch, count):
+    mesh = from_triangles(box([0, 5, 0], [1, 5 + width, 1]))
+    heights = slicing.plane_heights(mesh, Y, pitch)
+    assert len(heights) == count
+    np.testing.assert_allclose(np.diff(heights), pitch, rtol=1e-12)
+    assert heights[0] + heights[-1] == pytest.approx(10 + width)
+
+
+def test_a_part_without_width_has_one_plane():
+    wall = surface([[0, 1, 0], [1, 1, 0], [0, 1, 1]], [(0, 1, 2)])
+    np.testing.assert_array_equal(slicing.plane_heights(wall, Y, 0.025), [1.0])
+
+
+# What is seen from above
+
+
+def highest(mesh, direction, height, x):
+    """Height (k,) of the uppermost cut of a plane at x (k,) along the travel, -inf where there is none, and its facet.
+
+    Only what lies broadside: facets cut straight above x, from the definition.
+    """
+    along = np.cross(direction, Z)
+    top, on = np.full(len(x), -np.inf), np.full(len(x), -1)
+    a, b, c = mesh.vertices[mesh.facets.T]
+    points = x[:, None] * along + height * direction
+    for facet in range(len(mesh.facets)):
+        p, q, r = a[facet], b[facet], c[facet]
+        double_area = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+        if double_area == 0:
+            continue
+        u = ((points[:, 0] - p[0]) * (r[1] - p[1]) - (points[:, 1] - p[1]) * (r[0] - p[0])) / double_area
+        v = ((q[0] - p[0]) * (points[:, 1] - p[1]) - (q[1] - p[1]) * (points[:, 0] - p[0])) / double_area
+        z = p[2] + u * (q[2] - p[2]) + v * (r[2] - p[2])
+        above = (u >= 0) & (v >= 0) & (u + v <= 1) & (z > top)
+        top[above], on[above] = z[above], facet
+    return top, on
+
+
+def check_envelope(mesh, direction, heights, least, seed=0, samples=200):
+    """The envelope against rays from above at random places, and in itself."""
+    sections = slicing.slice(mesh, direction, heights)
+    upper = envelope.upper_envelope(mesh, sections, least)
+    along = np.cross(direction, Z)
+    x, z = upper.points @ along, upper.points[:, 2]
+    rows = upper.segments
+    planes = np.repeat(upper.planes, np.diff(upper.offsets))
+    assert not np.any(upper.closed)
+    assert np.array_equal(upper.planes, np.sort(upper.planes))
+    assert np.all(x[rows + 1] > x[rows])
+    np.testing.assert_allclose(upper.points @ direction, heights[planes], atol=1e-12)
+    assert np.all(np.abs(mesh.normals[upper.facets, 2]) >= least)
+    assert np.all(mesh.upward_normals[:, 2] >= 0)
+    for plane, height in enumerate(heights):
+        own = rows[planes[rows] == plane]
+        assert np.all(x[own][1:] >= x[own + 1][:-1] - 1e-12)
+        reach = mesh.vertices @ along
+        at = np.random.default_rng(seed + plane).uniform(reach.min(), reach.max(), samples)
+        top, on = highest(mesh, direction, height, at)
+        # Off the ends of pieces, where rounding decides.
+        ends = np.unique(np.concatenate([x[own], x[own + 1], (sections.points @ along)]))
+        nearest = np.min(np.abs(at[:, None] - ends[None]), axis=1) if len(ends) else np.full(len(at), np.inf)
+        for place, z_top, facet in zip(at[nearest > 1e-9], top[nearest > 1e-9], on[nearest > 1e-9], strict=True):
+            row = own[(x[own] <= place) & (x[own + 1] >= place)]
+            if facet < 0 or abs(mesh.normals[facet, 2]) < least:
+                assert len(row) == 0
+                continue
+            assert len(row) == 1
+            share = (place - x[row[0]]) / (x[row[0] + 1] - x[row[0]])
+            assert z[row[0]] + share * (z[row[0] + 1] - z[row[0]]) == pytest.approx(z_top, abs=1e-9)
+            spot = place * along + height * direction + z_top * Z
+            offset = spot - mesh.vertices[mesh.facets[upper.facets[row[0]], 0]]
+            assert abs(offset @ mesh.normals[upper.facets[row[0]]]) < 1e-9
+    return upper
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 25), st.floats(0, 2 * np.pi))
+@settings(max_examples=60, deadline=None)
+def test_the_envelope_is_what_rays_from_above_meet(seed, facet_count, travel):
+    """Facets that cross each other anywhere."""
+    random = np.random.default_rng(seed)
+    mesh = from_triangles(random.uniform(-1, 1, (facet_count, 3, 3)))
+    check_envelope(mesh, slicing.plane_direction(travel), np.array([-0.3, 0.0, 0.4]), 0.1, seed, samples=40)
+
+
+@given(st.sets(st.tuples(*[st.integers(0, 2)] * 3), min_size=1), st.sampled_from([0, 1]))
+@settings(max_examples=40, deadline=None)
+def test_the_envelope_of_cubes_is_their_tops(cubes, axis):
+    """Faces on faces, walls upright, bodies that touch."""
+    mesh = from_triangles(np.concatenate([box(cube, np.array(cube) + 1) for cube in sorted(cubes)]))
+    direction = np.eye(3)[1 - axis]
+    upper = check_envelope(mesh, direction, np.array([0.5, 1.5, 2.5]), 0.02, samples=30)
+    columns = {(cube[0], cube[1]) for cube in cubes}
+    assert float(np.sum(upper.lengths)) == pytest.approx(len(columns), rel=1e-12)
+    for top in {cube[2] + 1 for cube in cubes}:
+        there = [max(cube[2] for cube in cubes if cube[:2] == column) + 1 == top for column in columns]
+        on_top = upper.points[upper.segments, 2] == top
+        assert float(np.sum(upper.lengths[on_top])) == pytest.approx(np.sum(there), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["c172_wing", "yf23_2m"])
+@pytest.mark.parametrize("degrees", [0, 37])
+def test_the_envelope_of_a_dirty_part(name, degrees):
+    mesh = part(name)
+    direction = slicing.plane_direction(np.radians(degrees))
+    check_envelope(mesh, direction, inside(mesh, direction, 3), 0.02, samples=60)
+
+
+@pytest.mark.parametrize(
+    "name", ["drivaer_hood", "wavy_with_hole_1m", "iea15mw_blade_skin_30m", "drivaer_front_fender"]
+)
+def test_a_skin_that_hides_nothing_is_seen_whole(name):
+    mesh = part(name)
+    for degrees in (0, 30, 90):
+        direction = slicing.plane_direction(np.radians(degrees))
+        sections = slicing.slice(mesh, direction, slicing.plane_heights(mesh, direction, 0.025))
+        upper = envelope.upper_envelope(mesh, sections, 0.02)
+        # Windings are upward, so sections run along the travel already; the envelope's go from left to right.
+        assert np.array_equal(upper.planes, sections.planes)
+        assert sorted(np.diff(upper.offsets)) == sorted(np.diff(sections.offsets))
+        assert np.array_equal(np.sort(upper.facets), np.sort(sections.facets))
+        if np.all(np.diff(upper.planes) > 0):
+            np.testing.assert_allclose(upper.points, sections.points, atol=1e-14)
+        assert float(np.sum(upper.lengths)) == pytest.approx(float(np.sum(sections.lengths)), rel=1e-12)
+
+
+def test_a_box_over_a_plate_ends_the_plate_where_it_begins():
+    plate = np.array([[[0.0, 0, 0], [10, 0, 0], [10, 10, 0]], [[0, 0, 0], [10, 10, 0], [0, 10, 0]]])
+    mesh = from_triangles(np.concatenate([plate, box([2, 2, 1], [4, 4, 2])]))
+    upper = envelope.upper_envelope(mesh, slicing.slice(mesh, Y, np.array([1.0, 3.0])), 0.02)
+    assert upper.planes.tolist() == [0, 1, 1, 1]
+    curves = np.split(upper.points, upper.offsets[1:-1])
+    ends = [(curve[0].tolist(), curve[-1].tolist()) for curve in curves]
+    assert ends == [
+        ([0, 1, 0], [10, 1, 0]),
+        ([0, 3, 0], [2, 3, 0]),
+        ([2, 3, 2], [4, 3, 2]),
+        ([4, 3, 0], [10, 3, 0]),
+    ]
+
+
+def test_two_roofs_that_cross_are_one_curve():
+    roofs = [[[0.0, -1, 0], [4, -1, 4], [0, 3, 0]], [[0, -1, 4], [0, 3, 4], [4, -1, 0]]]
+    mesh = from_triangles(roofs)
+    upper = envelope.upper_envelope(mesh, slicing.slice(mesh, Y, np.array([0.0])), 0.02)
+    np.testing.assert_allclose(upper.points, [[0, 0, 4], [2, 0, 2], [3, 0, 3]], atol=1e-12)
+    assert len(set(upper.facets.tolist())) == 2 and upper.facets[1] == upper.facets[2]
+
+
+def test_a_wall_hides_and_is_left_out():
+    lean = 0.01
+    wall = [[[5.0, -1, 0], [5 + lean, -1, 1], [5, 1, 0]], [[5 + lean, -1, 1], [5 + lean, 1, 1], [5, 1, 0]]]
+    floor = [[[0.0, -1, 0], [10, -1, 0], [10, 1, 0]], [[0, -1, 0], [10, 1, 0], [0, 1, 0]]]
+    mesh = from_triangles(np.array(floor + wall))
+    sections = slicing.slice(mesh, Y, np.array([0.0]))
+    upper = envelope.upper_envelope(mesh, sections, 0.02)
+    curves = np.split(upper.points, upper.offsets[1:-1])
+    np.testing.assert_allclose([curve[0] for curve in curves], [[0, 0, 0], [5 + lean, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose([curve[-1] for curve in curves], [[5, 0, 0], [10, 0, 0]], atol=1e-12)
+    assert len(envelope.upper_envelope(mesh, sections, 0.005).planes) == 2
+
+
+def test_only_upright_planes_are_seen_from_above():
+    mesh = from_triangles(box([0, 0, 0], [1, 1, 1]))
+    with pytest.raises(ValueError, match="expected vertical planes"):
+        envelope.upper_envelope(mesh, slicing.slice(mesh, Z, np.array([0.5])), 0.02)
+
+
+# Areas
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_areas_add_up_to_the_whole(name):
+    mesh = part(name)
+    areas = envelope.areas_from_above(mesh, 0.4, 0.01, 0.02)
+    assert areas.seen + areas.facing + areas.hidden == pytest.approx(float(np.sum(mesh.areas)), rel=1e-12)
+    steep = np.abs(mesh.normals[:, 2]) < 0.02
+    assert areas.facing == pytest.approx(float(np.sum(mesh.areas[steep])), rel=1e-12)
+    assert areas.hidden >= 0
+
+
+def test_of_a_closed_cylinder_only_the_top_is_seen():
+    mesh = part("cylinder_1m")
+    areas = envelope.areas_from_above(mesh, 0.0, 0.005, 0.02)
+    cap = float(np.sum(mesh.areas[mesh.normals[:, 2] > 0.99]))
+    assert areas.seen == pytest.approx(cap, rel=1e-6)
+    assert areas.hidden == pytest.approx(cap, rel=1e-6)
+
+
+@pytest.mark.parametrize("travel", [0.0, 0.7, np.pi / 2])
+def test_a_box_hides_the_plate_below_it(travel):
+    plate = np.array([[[0.0, 0, 0], [10, 0, 0], [10, 10, 0]], [[0, 0, 0], [10, 10, 0], [0, 10, 0]]])
+    mesh = from_triangles(np.concatenate([plate, box([2, 3, 1], [4, 8, 2])]))
+    areas = envelope.areas_from_above(mesh, travel, 0.01, 0.02)
+    assert areas.seen == pytest.approx(100, rel=2e-3)
+    assert areas.facing == pytest.approx(2 * (2 + 5), rel=1e-12)
+    assert areas.hidden == pytest.approx(20, rel=1e-2)
+
+
+def test_the_area_seen_of_an_aircraft_is_what_rays_find():
+    mesh = part("yf23_2m")
+    areas = envelope.areas_from_above(mesh, 0.2, 0.004, 0.02)
+    steep = np.abs(mesh.normals[:, 2]) < 0.02
+    random = np.random.default_rng(3)
+    weights = np.where(steep, 0.0, mesh.areas)
+    chosen = random.choice(len(weights), 800, p=weights / weights.sum())
+    share = np.sort(random.uniform(size=(800, 2)), axis=1)
+    shares = np.stack([share[:, 0], share[:, 1] - share[:, 0], 1 - share[:, 1]], axis=1)
+    points = np.einsum("ij,ijk->ik", shares, mesh.vertices[mesh.facets[chosen]])
+    top = np.full(800, -np.inf)
+    for point in range(800):
+        top[point] = highest_above(mesh, points[point])
+    seen = np.mean(points[:, 2] >= top - 1e-9)
+    spread = np.sqrt(seen * (1 - seen) / 800)
+    assert areas.seen / (areas.seen + areas.hidden) == pytest.approx(seen, abs=4 * spread)
+
+
+def highest_above(mesh, point):
+    """Height of the uppermost facet on the vertical through a point."""
+    a, b, c = mesh.vertices[mesh.facets.T]
+    double_areas = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    flat = double_areas != 0
+    a, b, c, double_areas = a[flat], b[flat], c[flat], double_areas[flat]
+    u = ((point[0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (point[1] - a[:, 1]) * (c[:, 0] - a[:, 0])) / double_areas
+    v = ((b[:, 0] - a[:, 0]) * (point[1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (point[0] - a[:, 0])) / double_areas
+    met = (u >= 0) & (v >= 0) & (u + v <= 1)
+    return np.max((a[:, 2] + u * (b[:, 2] - a[:, 2]) + v * (c[:, 2] - a[:, 2]))[met], initial=-np.inf)
