@@ -126,7 +126,7 @@ def whole_job(path: Path, setup: Setup) -> tuple[Job, Verified]:
     """A job done as by `tapelayer export`, and the verified trajectory of its text."""
     job = Job.read(path, setup)
     text = job.text(job.plan())
-    return job, job.judge(job.read_back(text, "program").trajectory)
+    return job, job.verify(job.read_back(text, "program").trajectory)
 
 
 def read_by_line(path: Path) -> list[Rows]:

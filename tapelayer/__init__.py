@@ -1,4 +1,4 @@
-"""Offline programming for a ten-axis tape-laying gantry: courses in, verified NC programs out."""
+"""Offline programming for a ten-axis tape layer and a spray robot: courses or models in, verified NC programs out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tapelayer.courses.course import Course
     from tapelayer.courses.course_file import read_courses, write_courses
-    from tapelayer.errors import TapelayerError
+    from tapelayer.errors import TapelayerError, VerificationFailed
+    from tapelayer.geometry.stl import read_mesh
+    from tapelayer.jobs.job import JobResult
     from tapelayer.laying.inspection import verify
     from tapelayer.laying.job import Job
     from tapelayer.laying.program import plan
@@ -17,35 +19,47 @@ if TYPE_CHECKING:
     from tapelayer.machines.machine import Machine
     from tapelayer.motion.trajectory import Trajectory
     from tapelayer.setups.sections import read_setup
+    from tapelayer.spraying.job import SprayJob
+    from tapelayer.spraying.settings import SpraySetup
     from tapelayer.verification.verified import Verified
 
 __all__ = [
     "Course",
     "Job",
+    "JobResult",
     "Machine",
     "Setup",
+    "SprayJob",
+    "SpraySetup",
     "TapelayerError",
     "Trajectory",
+    "VerificationFailed",
     "Verified",
     "inverse",
     "plan",
     "read_courses",
+    "read_mesh",
     "read_setup",
     "verify",
     "write_courses",
 ]
 
-_ROOMS = {
+_MODULES = {
     "Course": "courses.course",
     "Job": "laying.job",
+    "JobResult": "jobs.job",
     "Machine": "machines.machine",
     "Setup": "laying.settings",
+    "SprayJob": "spraying.job",
+    "SpraySetup": "spraying.settings",
     "TapelayerError": "errors",
     "Trajectory": "motion.trajectory",
+    "VerificationFailed": "errors",
     "Verified": "verification.verified",
     "inverse": "machines.gantry",
     "plan": "laying.program",
     "read_courses": "courses.course_file",
+    "read_mesh": "geometry.stl",
     "read_setup": "setups.sections",
     "verify": "laying.inspection",
     "write_courses": "courses.course_file",
@@ -54,9 +68,9 @@ _ROOMS = {
 
 def __getattr__(name: str) -> Any:
     """Import an export when it is first asked for (PEP 562): Pinocchio and SciPy take a second to import."""
-    if name not in _ROOMS:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import typer
@@ -23,14 +23,15 @@ from tapelayer.courses.course_file import read_courses
 from tapelayer.dispatch import run
 from tapelayer.errors import InputFault, ProgramRefused, SetupRefused
 from tapelayer.geometry.mesh import Unit
-from tapelayer.laying.job import Job, Made, machine_of
+from tapelayer.jobs.job import JobResult, MachineJob, machine_of
+from tapelayer.jobs.kind import JobKind
+from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, name_of_source
 from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
 from tapelayer.setups.sections import default_text, read_setup
-from tapelayer.spraying.job import SprayJob, SprayMade
-from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import DEG, MM
 from tapelayer.workbench import command
+from urdf import TAPELAYER
 
 app = typer.Typer(
     name="tapelayer",
@@ -84,13 +85,13 @@ def export(
     program, to_stdout = _target(target, courses)
     with _ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {courses}")
-        made = _job(courses, setup, controller, kinematics).make(str(program), steps)
-        if made.failure:
-            raise made.failure
+        result = _job(kind_of("lay"), courses, setup, controller, {"kinematics": kinematics}).make(str(program), steps)
+        if result.failure:
+            raise result.failure
         steps.begin("saving")
         title = Path(courses).name if to_stdout else program.name
-        _save(made, {} if to_stdout else {program: made.text}, title, report_file, html_file)
-    _hand_over(made, program, to_stdout, quiet)
+        _save(result, {} if to_stdout else {program: result.text}, title, report_file, html_file)
+    _hand_over(result, program, to_stdout, quiet)
 
 
 @app.command(
@@ -117,27 +118,20 @@ def verify(
     verbose: Verbose = False,
 ) -> None:
     """Judge an NC program by its text against its courses, or against the model that it sprays."""
-    is_model = Path(source).suffix.lower() == ".stl"
-    if is_model:
-        _refuse("--kinematics", kinematics, "tape courses")
-    else:
-        _refuse("--direction-deg", direction_deg, "models")
-        _refuse("--pitch-mm", pitch_mm, "models")
+    options = {"kinematics": kinematics, "direction_deg": direction_deg, "pitch_mm": pitch_mm}
+    kind = kind_of(name_of_source(source))
+    _refuse_others(kind, options)
     with _ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {source}")
         text = _bytes(program)
-        if is_model:
-            job: Job | SprayJob = _spray_job(source, setup, unit, controller, direction_deg, pitch_mm)
-        else:
-            job = _job(source, setup, controller, kinematics)
-        made = job.examine(text, program, force, steps)
-        _save(made, {}, Path(program).name, report_file, html_file)
-    for remark in made.remarks:
+        result = _job(kind, source, setup, controller, options, unit).judge(text, program, force, steps)
+        _save(result, {}, Path(program).name, report_file, html_file)
+    for remark in result.remarks:
         sys.stderr.write(f"{remark}\n")
     if not quiet:
-        _conclude(made, program, output)
-    if made.failure:
-        raise made.failure
+        _conclude(result, program, output)
+    if result.failure:
+        raise result.failure
 
 
 @app.command(
@@ -165,15 +159,16 @@ def spray(
     program, to_stdout = _target(target, model)
     with _ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {model}")
-        made = _spray_job(model, setup, unit, controller, direction_deg, pitch_mm).make(str(program), steps)
-        if made.failure:
-            raise made.failure
+        options = {"direction_deg": direction_deg, "pitch_mm": pitch_mm}
+        result = _job(kind_of("spray"), model, setup, controller, options, unit).make(str(program), steps)
+        if result.failure:
+            raise result.failure
         steps.begin("saving")
-        contents = {} if to_stdout else {program: made.text}
+        contents = {} if to_stdout else {program: result.text}
         if trajectory_file:
-            contents[Path(trajectory_file)] = made.poses()
-        _save(made, contents, Path(model).name if to_stdout else program.name, report_file, html_file)
-    _hand_over(made, program, to_stdout, quiet)
+            contents[Path(trajectory_file)] = result.files()["trajectory.txt"]
+        _save(result, contents, Path(model).name if to_stdout else program.name, report_file, html_file)
+    _hand_over(result, program, to_stdout, quiet)
 
 
 @app.command(epilog="Example: [bold]tapelayer inspect panel.txt[/bold]")
@@ -196,19 +191,17 @@ def inspect(courses: Courses) -> None:
 
 @app.command(epilog="Example: [bold]tapelayer setup > job.toml[/bold]")
 def setup(
-    kind: Annotated[Literal["lay", "spray"], typer.Option("--kind", help="The job: tape laying or spraying.")] = "lay",
+    kind: Annotated[KindName, typer.Option("--kind", help="The job: tape laying or spraying.")] = NAMES[0],
 ) -> None:
     """Print the default setup as a commented TOML file."""
-    if kind == "spray":
-        sys.stdout.write(default_text(SpraySetup, "Setup of a spraying job"))
-    else:
-        sys.stdout.write(default_text(Setup, "Setup of a tape-laying job"))
+    chosen = kind_of(kind)
+    sys.stdout.write(default_text(chosen.setup, chosen.title))
 
 
 @app.command(epilog="Example: [bold]tapelayer machine --setup job.toml[/bold]")
 def machine(setup: SetupFile = None) -> None:
     """Show the machine: axes, travel, speeds and the lengths of its closed form."""
-    model = machine_of(_setup(setup))
+    model = machine_of(read_setup(setup, Setup) if setup else Setup(), TAPELAYER)
     table = Table(title=str(model.model.name))
     for heading in ("axis", "from", "to", "unit", "speed /s"):
         table.add_column(heading, justify="right")
@@ -297,51 +290,58 @@ def _target(target: str | None, source: str) -> tuple[Path, bool]:
 
 
 def _save(
-    made: Made | SprayMade, contents: dict[Path, bytes], title: str, report_file: str | None, html_file: str | None
+    result: JobResult[Any], contents: dict[Path, bytes], title: str, report_file: str | None, html_file: str | None
 ) -> None:
     """Write these files and the reports together."""
     if report_file:
-        contents[Path(report_file)] = (json.dumps(made.report(), indent=2, allow_nan=False) + "\n").encode()
+        contents[Path(report_file)] = (json.dumps(result.report(), indent=2, allow_nan=False) + "\n").encode()
     if html_file:
-        contents[Path(html_file)] = made.page(title).encode()
+        contents[Path(html_file)] = result.page(title).encode()
     write_files(contents)
 
 
-def _hand_over(made: Made | SprayMade, program: Path, to_stdout: bool, quiet: bool) -> None:
+def _hand_over(result: JobResult[Any], program: Path, to_stdout: bool, quiet: bool) -> None:
     """The program to stdout where it was asked for there, and what was found to the other stream."""
     if to_stdout:
-        sys.stdout.buffer.write(made.text)
+        sys.stdout.buffer.write(result.text)
         sys.stdout.buffer.flush()
     if not quiet:
-        _conclude(made, "the program" if to_stdout else str(program), notices if to_stdout else output)
+        _conclude(result, "the program" if to_stdout else str(program), notices if to_stdout else output)
 
 
-def _conclude(made: Made | SprayMade, name: str, console: Console) -> None:
+def _conclude(result: JobResult[Any], name: str, console: Console) -> None:
     """Table of what was found, and one line that says whether it passed."""
-    console.print(made.summary())
-    if isinstance(made, Made) and made.job.setup.process.kinematics == "published":
-        numbers = made.report()
-        sys.stderr.write(
-            "published kinematics: the roller leaves the surface by up to "
-            f"{numbers['max_roller_tilt_deg']:.2f} deg (edge lift {numbers['max_edge_lift_mm']:.2f} mm), heading up to "
-            f"{numbers['max_heading_error_deg']:.2f} deg off, centre up to {numbers['max_roller_offset_mm']:.2f} mm; "
-            "judged only where [verification] itself sets these limits\n"
-        )
-    if made.evidence.passed:
-        console.print(f"{name}: {made.evidence.blocks} blocks, verified", highlight=False, soft_wrap=True)
+    console.print(result.summary())
+    for note in result.notes():
+        sys.stderr.write(f"{note}\n")
+    if result.evidence.passed:
+        console.print(f"{name}: {result.evidence.blocks} blocks, verified", highlight=False, soft_wrap=True)
 
 
-def _setup(name: str | None) -> Setup:
-    return read_setup(name, Setup) if name else Setup()
-
-
-def _job(courses: str, setup_file: str | None, controller: str | None, kinematics: str | None) -> Job:
-    chosen = _setup(setup_file)
+def _job(
+    kind: JobKind,
+    source: str,
+    setup_file: str | None,
+    controller: str | None,
+    options: Mapping[str, object],
+    unit: Unit = "mm",
+) -> MachineJob[Any, Any]:
+    """The job of a source, with the options in the setup's place."""
+    setup = read_setup(setup_file, kind.setup) if setup_file else kind.setup.model_validate({})
     if controller:
-        chosen = chosen.with_values("output", controller=controller)
-    if kinematics:
-        chosen = chosen.with_values("process", kinematics=kinematics)
-    return Job.read(courses, chosen)
+        setup = setup.with_values("output", controller=controller)
+    for name, option in kind.options.items():
+        if options[name] is not None:
+            setup = setup.with_values(option.section, **{option.key: _number_or_word(options[name])})
+    return kind.read(source, setup, unit)
+
+
+def _number_or_word(value: object) -> object:
+    """The value of an option, as a number where it is one."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def _bytes(name: str) -> bytes:
@@ -351,32 +351,13 @@ def _bytes(name: str) -> bytes:
         raise ProgramRefused.unreadable(name, error) from None
 
 
-def _refuse(option: str, value: object, owner: str) -> None:
-    """Refuse an option that says something of the other machine's sources."""
-    if value is not None:
-        raise SetupRefused(option, [InputFault(0, f"belongs to {owner}; leave it out here")])
-
-
-def _spray_job(
-    model: str,
-    setup_file: str | None,
-    unit: Unit,
-    controller: str | None,
-    direction_deg: float | None,
-    pitch_mm: str | None,
-) -> SprayJob:
-    chosen = read_setup(setup_file, SpraySetup) if setup_file else SpraySetup()
-    if controller:
-        chosen = chosen.with_values("output", controller=controller)
-    if direction_deg is not None:
-        chosen = chosen.with_values("spray", direction_deg=direction_deg)
-    if pitch_mm is not None:
-        try:
-            pitch: float | str = float(pitch_mm)
-        except ValueError:
-            pitch = pitch_mm
-        chosen = chosen.with_values("spray", pitch_mm=pitch)
-    return SprayJob.read(model, chosen, unit)
+def _refuse_others(kind: JobKind, options: Mapping[str, object]) -> None:
+    """Refuse options that say something of another kind's sources."""
+    for other in kinds():
+        for name in other.options:
+            if name not in kind.options and options[name] is not None:
+                flag = f"--{name.replace('_', '-')}"
+                raise SetupRefused(flag, [InputFault(0, f"belongs to {other.source.plural}; leave it out here")])
 
 
 def _inspected(course: Course) -> list[str]:

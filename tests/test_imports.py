@@ -29,8 +29,8 @@ FLOORS = (
     ("tapelayer.verification",),
     ("tapelayer.reporting",),
     ("post",),
-    ("tapelayer.laying", "tapelayer.spraying"),
     ("tapelayer.jobs",),
+    ("tapelayer.laying", "tapelayer.spraying"),
     ("tapelayer.workbench",),
     ("tapelayer.cli",),
 )
@@ -42,9 +42,11 @@ JUDGES = (
     "tapelayer.laying.link_check",
     "tapelayer.laying.laid",
     "tapelayer.laying.evidence",
+    "tapelayer.laying.limits",
     "tapelayer.spraying.inspection",
     "tapelayer.spraying.arc_runs",
     "tapelayer.spraying.evidence",
+    "tapelayer.spraying.limits",
 )
 PLANNERS = (
     "tapelayer.laying.program",
@@ -157,6 +159,15 @@ def test_no_judge_knows_a_planner(name: str) -> None:
 def test_judges_and_planners_exist() -> None:
     for room in (*JUDGES, *PLANNERS):
         assert any(within(name, room) for name in MODULES), f"there is no {room}"
+
+
+@pytest.mark.parametrize("name", [name for name in GRAPH if not within(name, "tapelayer.jobs.kinds")])
+def test_nothing_compares_a_kind_with_a_name(name: str) -> None:
+    """What differs from kind to kind stands in the kind."""
+    for node in ast.walk(ast.parse(MODULES[name].read_text())):
+        if isinstance(node, ast.Compare):
+            constants = {leaf.value for leaf in ast.walk(node) if isinstance(leaf, ast.Constant)}
+            assert not constants & {"lay", "spray"}, f"{name}:{node.lineno}"
 
 
 def test_packages_are_no_deeper_than_two() -> None:

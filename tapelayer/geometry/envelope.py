@@ -18,12 +18,12 @@ class Areas:
 
     Attributes:
         seen: what a vertical ray from above meets first.
-        facing: too steep for a gun from above.
+        too_steep: too steep for a gun from above.
         hidden: below another part of the surface.
     """
 
     seen: float
-    facing: float
+    too_steep: float
     hidden: float
 
 
@@ -76,7 +76,7 @@ def upper_envelope(mesh: Mesh, sections: Sections, min_normal_z: float) -> Secti
 
 
 def areas_from_above(mesh: Mesh, travel: float, spacing: float, min_normal_z: float) -> Areas:
-    """Area of a surface by what a gun above it can do: facing exactly, seen against hidden by strips.
+    """Area of a surface by what a gun above it can do: too steep exactly, seen against hidden by strips.
 
     Args:
         mesh: the surface.
@@ -85,7 +85,7 @@ def areas_from_above(mesh: Mesh, travel: float, spacing: float, min_normal_z: fl
         min_normal_z: least |nz| of a facet to be sprayed, above 0.
     """
     steep = np.abs(mesh.normals[:, 2]) < min_normal_z
-    facing, rest = float(np.sum(mesh.areas[steep])), float(np.sum(mesh.areas[~steep]))
+    too_steep, rest = float(np.sum(mesh.areas[steep])), float(np.sum(mesh.areas[~steep]))
     direction = plane_direction(travel)
     sections = slice(mesh, direction, plane_heights(mesh, direction, spacing))
     widths = np.zeros(len(steep))
@@ -93,7 +93,7 @@ def areas_from_above(mesh: Mesh, travel: float, spacing: float, min_normal_z: fl
     envelope = upper_envelope(mesh, sections, min_normal_z)
     cut, seen = (float(curves.lengths @ widths[curves.facets[curves.segments]]) for curves in (sections, envelope))
     share = min(seen / cut, 1.0) if cut else 0.0
-    return Areas(seen=rest * share, facing=facing, hidden=rest - rest * share)
+    return Areas(seen=rest * share, too_steep=too_steep, hidden=rest - rest * share)
 
 
 _PIECE = np.dtype(

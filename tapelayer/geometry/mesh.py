@@ -6,7 +6,7 @@ a sure normal does not stay in the mesh.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -44,6 +44,10 @@ class Mesh:
         """Freeze the arrays."""
         object.__setattr__(self, "vertices", frozen(self.vertices))
         object.__setattr__(self, "facets", frozen(self.facets))
+
+    def moved(self, rotation: Floats, origin: Floats) -> Mesh:
+        """Return the mesh turned by a rotation (3, 3), then moved by an origin (3,) in metres."""
+        return replace(self, vertices=self.vertices @ rotation.T + origin)
 
     @cached_property
     def normals(self) -> Floats:

@@ -1,12 +1,48 @@
-"""Kinds: the kinds of job that there are."""
+"""Kinds: the registry of the kinds of machine; everything else asks here, and compares no names."""
 
 from __future__ import annotations
 
-from typing import Literal
+from functools import cache
+from importlib import import_module
+from typing import Literal, NamedTuple, get_args
 
-from tapelayer.laying.settings import Setup
-from tapelayer.setups.sections import JobSetup
-from tapelayer.spraying.settings import SpraySetup
+from tapelayer.jobs.kind import JobKind
 
-JobKind = Literal["lay", "spray"]
-MODELS: dict[JobKind, type[JobSetup]] = {"lay": Setup, "spray": SpraySetup}
+KindName = Literal["lay", "spray"]
+NAMES: tuple[KindName, ...] = get_args(KindName)
+
+
+class _Entry(NamedTuple):
+    """Where a kind is described, and the suffix of its sources, where they have one of their own."""
+
+    module: str
+    suffix: str
+
+
+_ENTRIES: dict[KindName, _Entry] = {
+    "lay": _Entry("tapelayer.laying.kind", ""),
+    "spray": _Entry("tapelayer.spraying.kind", ".stl"),
+}
+
+
+@cache
+def kind_of(name: KindName) -> JobKind:
+    """Return the kind of a name; its package is imported when it is first asked for."""
+    kind: JobKind = import_module(_ENTRIES[name].module).KIND
+    return kind
+
+
+def kinds() -> tuple[JobKind, ...]:
+    """Return all kinds, in the order of their names."""
+    return tuple(kind_of(name) for name in NAMES)
+
+
+def name_of_source(file: str) -> KindName:
+    """Return the name of the kind that makes programs from a file, by its suffix.
+
+    >>> name_of_source("hood.STL"), name_of_source("courses.txt")
+    ('spray', 'lay')
+    """
+    return next(
+        (name for name, entry in _ENTRIES.items() if entry.suffix and file.lower().endswith(entry.suffix)), NAMES[0]
+    )

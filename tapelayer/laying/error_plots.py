@@ -3,55 +3,54 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from tapelayer.laying.evidence import Evidence, Samples
-from tapelayer.laying.quantities import limits_of
-from tapelayer.laying.settings import Setup
+from tapelayer.laying.quantities import ROWS
 from tapelayer.reporting.drawing import Panel, PlotCurve, element, extent, heading_of, range_of, svg
+from tapelayer.reporting.quantity import Quantity, quantities
 from tapelayer.units import DEG, MM
 
 # Courses with plots of their own; beyond them the page gives a count.
 SHOWN_COURSES = 40
+PLOTS_A_LINE = 4
+STYLES = ("first", "second")
+PLOTTED = [row for row in quantities(ROWS) if row.curves]
 
 
-def course_plots(evidence: Evidence, setup: Setup) -> list[Element]:
-    """Errors along the courses; where they are many, the ones that come nearest to a limit."""
-    samples = evidence.samples
+def course_plots(evidence: Evidence) -> list[Element]:
+    """Return plots of errors along the courses; where courses are many, of the ones that come nearest to a limit."""
+    samples, limits = evidence.samples, evidence.limits
     if not len(samples.courses):
         return [element("p", "Nothing was measured along the courses.", class_="note")]
-    limits = limits_of(setup)
-    signed = {
-        "max_position_error_mm": samples.position_errors / MM,
-        "max_roller_tilt_deg": samples.tilts / DEG,
-        "max_heading_error_deg": samples.heading_errors / DEG,
-        "max_tape_error_mm": samples.tape_errors / MM,
-    }
     starts = np.unique(samples.courses, return_index=True)[1]
     shares = np.max(
-        [np.maximum.reduceat(np.abs(values), starts) / limits[key][0] for key, values in signed.items()], axis=0
+        [
+            np.maximum.reduceat(np.abs(getattr(samples, row.samples) * _scale(row)), starts) / limits[row.key].value
+            for row in PLOTTED
+        ],
+        axis=0,
     )
     shares = np.where(np.isfinite(shares), shares, np.inf)
     order = np.argsort(-shares, kind="stable")
     shown = np.sort(order[:SHOWN_COURSES])
-    curves = _errors(samples)
-    ranges = [range_of([curve for curve in panel], [-limits[key][0], limits[key][0]]) for key, panel in curves.items()]
+    curves = {row.key: _curves(row, samples) for row in PLOTTED}
+    ranges = {key: range_of(lines, [-limits[key].value, limits[key].value]) for key, lines in curves.items()}
     ends = np.append(starts[1:], len(samples.courses))
     nodes = [
         element(
             "p",
             "Over arc length in mm; the scale of errors is one for all courses. Dashed: limits of the setup"
-            + ("" if all(judged for _, judged in limits.values()) else " (grey: not judged)")
+            + ("" if all(limit.judged for limit in limits.values()) else " (grey: not judged)")
             + "; the one of position holds for normal and lateral together.",
             class_="note",
         )
     ]
     for row in shown:
         part = slice(int(starts[row]), int(ends[row]))
-        nodes.append(_course_figure(evidence, part, curves, ranges, limits))
+        nodes.append(_course_figure(evidence, part, curves, ranges))
     rest = order[SHOWN_COURSES:]
     if len(rest):
         most = float(shares[rest[0]])
@@ -66,44 +65,36 @@ def course_plots(evidence: Evidence, setup: Setup) -> list[Element]:
     return nodes
 
 
-def _errors(samples: Samples) -> dict[str, list[PlotCurve]]:
-    """Lines of the four plots of errors over arc length, millimetres and degrees."""
+def _scale(row: Quantity[Evidence]) -> float:
+    """From the samples' metres or radians to the row's unit."""
+    return 1 / DEG if row.unit == "deg" else 1 / MM
+
+
+def _curves(row: Quantity[Evidence], samples: Samples) -> list[PlotCurve]:
+    """Lines of a quantity's plot over arc length, in its unit."""
     arcs = samples.arc_lengths / MM
-    return {
-        "max_position_error_mm": [
-            PlotCurve("first", arcs, samples.normal_errors / MM),
-            PlotCurve("second", arcs, samples.lateral_errors / MM),
-        ],
-        "max_roller_tilt_deg": [PlotCurve("first", arcs, samples.tilts / DEG)],
-        "max_heading_error_deg": [PlotCurve("first", arcs, samples.heading_errors / DEG)],
-        "max_tape_error_mm": [PlotCurve("first", arcs, samples.tape_errors / MM)],
-    }
+    return [
+        PlotCurve(style, arcs, getattr(samples, field) * _scale(row))
+        for style, (_, field) in zip(STYLES, row.curves, strict=False)
+    ]
 
 
 def _course_figure(
-    evidence: Evidence,
-    part: slice,
-    curves: dict[str, list[PlotCurve]],
-    ranges: Sequence[tuple[float, float]],
-    limits: dict[str, tuple[float, bool]],
+    evidence: Evidence, part: slice, curves: dict[str, list[PlotCurve]], ranges: dict[str, tuple[float, float]]
 ) -> Element:
-    """One course's errors: four plots in a row under its number and its worst place."""
+    """One course's errors: plots beside each other under its number and its worst place."""
     samples = evidence.samples
     number = evidence.tape.rows[int(samples.courses[part.start])].course
     arcs = samples.arc_lengths[part] / MM
     placed = np.isfinite(arcs)
-    headings = {
-        "max_position_error_mm": heading_of(("normal ", "first"), ("lateral ", "second"), ("mm", "")),
-        "max_roller_tilt_deg": heading_of(("tilt ", "first"), ("deg", "")),
-        "max_heading_error_deg": heading_of(("heading ", "first"), ("deg", "")),
-        "max_tape_error_mm": heading_of(("tape ", "first"), ("mm", "")),
-    }
     nodes: list[Element] = []
-    for column, (key, heading) in enumerate(headings.items()):
-        limit, judged = limits[key]
-        panel = Panel(48 + 252 * column, 18, 194, 70, extent(arcs[placed]), ranges[column])
-        lines = [PlotCurve(curve.style, arcs[placed], curve.y[part][placed]) for curve in curves[key]]
-        nodes += panel.drawn(heading, lines, [-limit, limit], judged)
+    for place, row in enumerate(PLOTTED):
+        limit = evidence.limits[row.key]
+        down, across = divmod(place, PLOTS_A_LINE)
+        panel = Panel(48 + 252 * across, 18 + 106 * down, 194, 70, extent(arcs[placed]), ranges[row.key])
+        lines = [PlotCurve(curve.style, arcs[placed], curve.y[part][placed]) for curve in curves[row.key]]
+        names = [(f"{name} ", style) for style, (name, _) in zip(STYLES, row.curves, strict=False)]
+        nodes += panel.drawn(heading_of(*names, (row.unit, "")), lines, [-limit.value, limit.value], limit.judged)
     measured = placed & np.all(
         [np.isfinite(curve.y[part]) for panel_curves in curves.values() for curve in panel_curves], axis=0
     )
@@ -117,4 +108,8 @@ def _course_figure(
     else:
         told = f"{np.sum(~measured):,} of {len(arcs):,} samples were not measured and are not drawn"
     caption = element("figcaption", element("b", f"Course {number}"), f"  {told}")
-    return element("figure", caption, svg(1016, 106, *nodes, label=f"Errors along course {number}"))
+    return element(
+        "figure",
+        caption,
+        svg(1016, 106 * math.ceil(len(PLOTTED) / PLOTS_A_LINE), *nodes, label=f"Errors along course {number}"),
+    )

@@ -14,6 +14,7 @@ from tapelayer.geometry.toolpath import Toolpath
 from tapelayer.laying.cut_check import judge_cuts
 from tapelayer.laying.evidence import Evidence, Samples, TapeLedger
 from tapelayer.laying.laid import Laid
+from tapelayer.laying.limits import limits_of
 from tapelayer.laying.link_check import judge_sequence
 from tapelayer.laying.placing import courses_in_machine
 from tapelayer.laying.settings import Setup
@@ -128,6 +129,7 @@ class Inspector:
             least_link_clearance=clearance,
             forward_disagreement=disagreement,
             axes=axes,
+            limits=limits_of(self.setup),
             samples=samples,
             tape_width=self.setup.tape.width_mm * MM,
             roller_radius=self.roller_radius,

@@ -1,4 +1,4 @@
-"""Job: one course file, one setup, one machine, one control; from here to a program that was read back and verified."""
+"""Job of the tape layer: a course file becomes a program that was read back and judged."""
 
 from __future__ import annotations
 
@@ -8,30 +8,31 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.table import Table
 
-from post import program, reader
-from post.controllers import Controller, load
-from tapelayer.arrays import Floats
+from post.controllers import load
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import parse_courses
-from tapelayer.errors import CourseFileRefused, VerificationFailed
-from tapelayer.laying import page, report
+from tapelayer.errors import CourseFileRefused
+from tapelayer.jobs.job import JobResult, MachineJob, machine_of
+from tapelayer.jobs.stages import PLANNING
+from tapelayer.laying import page
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.inspection import Inspector
 from tapelayer.laying.program import plan
+from tapelayer.laying.quantities import ROWS
 from tapelayer.laying.settings import Setup
-from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Trajectory
-from tapelayer.progress import UNSEEN, Steps, Tick, silent
+from tapelayer.progress import Steps
 from tapelayer.provenance import VERSION, Provenance
-from tapelayer.verification.verified import Verified, failure_of
+from tapelayer.reporting.quantity import numbers
+from tapelayer.reporting.summary import summary
+from urdf import TAPELAYER
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
-    """What goes into a program.
+class Job(MachineJob[None, Evidence]):
+    """What goes into a program of the tape layer.
 
     Attributes:
         courses: in the part's frame.
@@ -41,15 +42,14 @@ class Job:
         provenance: what the program's header says of its sources.
     """
 
-    courses: tuple[Course, ...]
     setup: Setup
-    machine: Machine
-    controller: Controller
-    provenance: Provenance
+    courses: tuple[Course, ...]
+
+    SOURCE = "course file"
 
     @staticmethod
-    def read(courses: Path | str, setup: Setup) -> Job:
-        """Job of a course file.
+    def read(path: Path | str, setup: Setup, unit: str = "mm") -> Job:
+        """Return the job of a course file, in mm.
 
         Raises:
             CourseFileRefused: the file cannot be read.
@@ -57,14 +57,20 @@ class Job:
             ModelRefused: the setup's URDF cannot be used.
         """
         try:
-            data = Path(courses).read_bytes()
+            data = Path(path).read_bytes()
         except OSError as error:
-            raise CourseFileRefused.unreadable(str(courses), error) from None
-        return Job.of(data, str(courses), setup)
+            raise CourseFileRefused.unreadable(str(path), error) from None
+        return Job.of(data, str(path), setup, unit)
 
     @staticmethod
-    def of(data: bytes, name: str, setup: Setup) -> Job:
-        """Job of the bytes of a course file, which messages call by its name; the program's header has the base name.
+    def of(data: bytes, name: str, setup: Setup, unit: str = "mm") -> Job:
+        """Return the job of the bytes of a course file, in mm.
+
+        Args:
+            data: the file's bytes.
+            name: the file as messages call it; the program's header has the base name.
+            setup: the job's values.
+            unit: of the file's numbers: course files are in mm.
 
         Raises:
             CourseFileRefused: the bytes are no course file.
@@ -72,143 +78,89 @@ class Job:
             ModelRefused: the setup's URDF cannot be used.
         """
         controller = load(setup.output.controller)
-        machine = machine_of(setup)
+        machine = machine_of(setup, TAPELAYER)
         provenance = Provenance(
             source=Path(name).name,
             source_sha256=hashlib.sha256(data).hexdigest(),
             setup_sha256=setup.sha256(machine.path.read_bytes()),
             version=VERSION,
         )
-        return Job(parse_courses(data, name), setup, machine, controller, provenance)
+        return Job(setup, machine, controller, provenance, parse_courses(data, name))
 
-    def make(self, name: str, steps: Steps = UNSEEN) -> Made:
-        """Plan, write, read back and judge a program of that name; `Made.failure` says whether it may be used.
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """All axes of the machine."""
+        return self.machine.names
+
+    @property
+    def parts(self) -> int:
+        """How many courses there are."""
+        return len(self.courses)
+
+    def planned(self, steps: Steps) -> tuple[None, Trajectory]:
+        """Return the planned trajectory; the courses themselves are what it is judged by.
 
         Raises:
             TapelayerError: the job cannot be done on this machine.
         """
-        steps.begin("planning", len(self.courses))
-        planned = self._planned(steps.tick)
-        steps.begin("verifying the plan", len(self.courses))
-        evidence = self.inspector.examine(planned, tick=steps.tick)
-        if not evidence.passed:
-            return Made(self, planned, evidence, b"")
-        steps.begin("writing")
-        text = self.text(Verified(planned, evidence))
-        # A long program's plan is not kept beside what is read back.
-        del planned, evidence
-        steps.begin("reading back")
-        trajectory = self.read_back(text, name).trajectory
-        steps.begin("verifying", len(self.courses))
-        return Made(self, trajectory, self.inspector.examine(trajectory, self.resolution, steps.tick), text)
+        steps.begin(PLANNING.name, self.parts)
+        alone = frozenset(joint for axis in self.controller.axes if axis.alone for joint in axis.joints)
+        return None, plan(self.courses, self.setup, self.machine, alone, steps.tick)
 
-    def examine(self, text: bytes, name: str, force: bool = False, steps: Steps = UNSEEN) -> Made:
-        """Judge a program by its text, also one that was edited by hand.
-
-        Args:
-            text: bytes of the program.
-            name: the program as the user named it.
-            force: judge it although its header names another setup.
-            steps: who is told what is under way.
-
-        Raises:
-            ProgramRefused: the text cannot be read.
-            ProgramOfOtherSetup: its header names another setup.
-        """
-        steps.begin("reading back")
-        read = self.read_back(text, name)
-        if not force:
-            self.provenance.check_setup(read.setup_sha256, name)
-        remarks = self.provenance.remarks(read.source_sha256, name, "course file")
-        steps.begin("verifying", len(self.courses))
-        evidence = self.inspector.examine(read.trajectory, self.resolution, steps.tick)
-        return Made(self, read.trajectory, evidence, text, remarks)
+    def basis(self, steps: Steps) -> None:
+        """Return nothing: the courses themselves are what a program is judged by."""
 
     @cached_property
-    def inspector(self) -> Inspector:
-        """Judge of trajectories for these courses."""
+    def _inspector(self) -> Inspector:
         return Inspector(self.courses, self.setup, self.machine)
 
-    def plan(self, tick: Tick = silent) -> Verified[Evidence]:
-        """Planned trajectory, verified before there is any text; `tick` is called twice for every course.
+    def inspector(self, plan: None) -> Inspector:
+        """Return the judge of trajectories for these courses."""
+        return self._inspector
 
-        Raises:
-            TapelayerError: the job cannot be done on this machine, or what was planned failed verification.
-        """
-        return self.inspector.verify(self._planned(tick), tick=tick)
-
-    def text(self, planned: Verified[Evidence]) -> bytes:
-        """NC text of a verified trajectory."""
-        return program.write(planned, self.controller, self.provenance)
-
-    def read_back(self, text: bytes, name: str) -> reader.Program:
-        """What an NC text says.
-
-        Raises:
-            ProgramRefused: the text cannot be read.
-        """
-        speeds = {axis.name: axis.speed for axis in self.machine.axes}
-        return reader.read(text, self.controller, self.machine.names, speeds, name)
-
-    def judge(self, trajectory: Trajectory, tick: Tick = silent) -> Verified[Evidence]:
-        """Verified trajectory that was read back from NC text; `tick` is called for every course.
-
-        Raises:
-            VerificationFailed: the text does not do what the courses ask.
-        """
-        return self.inspector.verify(trajectory, self.resolution, tick)
-
-    @property
-    def resolution(self) -> Floats:
-        """Last written digit (k,) of each axis, in metres and radians."""
-        return np.array([self.controller.resolution(axis.name) for axis in self.machine.axes])
-
-    def _planned(self, tick: Tick) -> Trajectory:
-        alone = frozenset(joint for axis in self.controller.axes if axis.alone for joint in axis.joints)
-        return plan(self.courses, self.setup, self.machine, alone, tick)
+    def result(
+        self,
+        plan: None,
+        trajectory: Trajectory,
+        evidence: Evidence,
+        text: bytes,
+        remarks: tuple[str, ...],
+        steps: Steps,
+    ) -> LayingResult:
+        """Return what became of the job."""
+        return LayingResult(trajectory, evidence, text, remarks, self)
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
-    """What became of a job: a program, and what was found when it was judged.
+class LayingResult(JobResult[Evidence]):
+    """What became of a job of the tape layer.
 
     Attributes:
         job: what it was made from.
-        trajectory: as read back from the text; as planned where the plan failed already.
-        evidence: what verification measured on it.
-        text: bytes of the program; none where the plan failed.
-        remarks: what is to be said beside the verdict.
     """
 
     job: Job
-    trajectory: Trajectory
-    evidence: Evidence
-    text: bytes
-    remarks: tuple[str, ...] = ()
-
-    @property
-    def failure(self) -> VerificationFailed | None:
-        """Why the program may not be used; None where it passed."""
-        return failure_of(self.evidence)
 
     def report(self) -> dict[str, Any]:
-        """The report as plain values for JSON; docs/report.md describes every key."""
-        return report.numbers(self.evidence, hashlib.sha256(self.text).hexdigest() if self.text else "")
+        """Return the report as plain values for JSON; docs/report.md describes every key."""
+        return numbers(ROWS, self.evidence, self.evidence)
 
     def summary(self) -> Table:
-        """The report as a table for a terminal."""
-        return report.summary(self.report())
+        """Return the report as a table for a terminal."""
+        return summary(ROWS, self.report(), self.evidence.limits)
 
     def page(self, title: str) -> str:
-        """The report as one HTML page with plots, called as the program is."""
+        """Return the report as one HTML page with plots, called as the program is."""
         return page.html(self.evidence, self.trajectory, self.report(), self.job.setup, title)
 
-
-def machine_of(setup: Setup) -> Machine:
-    """The setup's machine: its URDF, or the built-in one, with the setup's travel and speeds.
-
-    Raises:
-        ModelRefused: the URDF cannot be used, or an axis in the setup is not the machine's.
-    """
-    urdf = None if setup.machine.urdf is None else Path(setup.machine.urdf)
-    return Machine.load(urdf).with_limits(setup.machine.travel(), setup.machine.speeds())
+    def notes(self) -> tuple[str, ...]:
+        """Return what the published form leaves off, where it was used."""
+        if self.job.setup.process.kinematics != "published":
+            return ()
+        report = self.report()
+        return (
+            "published kinematics: the roller leaves the surface by up to "
+            f"{report['max_roller_tilt_deg']:.2f} deg (edge lift {report['max_edge_lift_mm']:.2f} mm), heading up to "
+            f"{report['max_heading_error_deg']:.2f} deg off, centre up to {report['max_roller_offset_mm']:.2f} mm; "
+            "judged only where [verification] itself sets these limits",
+        )

@@ -10,17 +10,23 @@ import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.laying.evidence import Evidence
-from tapelayer.laying.settings import Setup
-from tapelayer.reporting.drawing import Panel, element, heading_of, polyline, px, svg
-from tapelayer.reporting.map_marks import MarkPlaces, heading, round_up, scale_bar
+from tapelayer.reporting.drawing import element, heading_of, polyline, px, svg
+from tapelayer.reporting.map_marks import (
+    COLOURS,
+    MarkPlaces,
+    arrowhead,
+    colour_bar,
+    heading,
+    plan_panel,
+    round_up,
+    scale_bar,
+)
 from tapelayer.reporting.words import plain
 from tapelayer.units import MM
 
 # Cells that are coloured by their largest error; a cell is never smaller than this, in pixels.
 CELLS = 40_000
 LEAST_CELL = 3.0
-WIDTH, HEIGHT = 760.0, 560.0
-COLOURS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +44,7 @@ class _CourseStrip:
     classes: Ints
 
 
-def plan_view(evidence: Evidence, setup: Setup) -> list[Element]:
+def plan_view(evidence: Evidence) -> list[Element]:
     """The courses from above to scale, in `machine` axes, coloured by position error."""
     samples = evidence.samples
     seen = np.all(np.isfinite(samples.nips), axis=1)
@@ -49,15 +55,13 @@ def plan_view(evidence: Evidence, setup: Setup) -> list[Element]:
     beside = ~seen | np.append(~seen[1:], False) | np.append(False, ~seen[:-1])
     errors = np.where(beside, np.nan, samples.position_errors / MM)[seen]
     courses = samples.courses[seen]
-    limit = setup.verification.max_position_error_mm
+    limit = evidence.limits["max_position_error_mm"].value
     finite = errors[np.isfinite(errors)]
     top = min(limit, round_up(float(np.max(finite, initial=0.0))))
 
     room = evidence.tape_width / MM / 2
     low, high = np.min(plan, axis=0) - room, np.max(plan, axis=0) + room
-    scale = float(min(WIDTH / (high[0] - low[0]), HEIGHT / (high[1] - low[1])))
-    width, height = (high - low) * scale
-    panel = Panel(64, 18, round(width), round(height), (float(low[0]), float(high[0])), (float(low[1]), float(high[1])))
+    panel, scale = plan_panel(low, high)
     pixels = np.column_stack([panel.across(plan[:, 0]), panel.down(plan[:, 1])])
     strips = _strips([row.course for row in evidence.tape.rows], courses, pixels, _classes(errors, top, limit))
 
@@ -81,10 +85,14 @@ def plan_view(evidence: Evidence, setup: Setup) -> list[Element]:
     nodes += _labels(strips)
     nodes += _worst_place(pixels, errors)
     nodes.append(scale_bar(panel, scale))
-    nodes += _colour_bar(panel.left + panel.width + 24, panel.top, top, limit, float(np.max(finite, initial=0.0)))
+    bar = (panel.left + panel.width + 24, panel.top)
+    over = float(np.max(finite, initial=0.0)) > limit
+    nodes += colour_bar(*bar, ("position error", "mm"), top, bound=top == limit, over=over)
     words = f"x and y of the machine in mm, to scale. Bands: the tape, {plain(evidence.tape_width / MM)} mm wide. "
     words += "Arrows: travel. Ring: the largest position error."
-    figure = svg(panel.left + width + 150, panel.top + height + 24, *nodes, label="Plan view of the courses")
+    figure = svg(
+        panel.left + panel.width + 150, panel.top + panel.height + 24, *nodes, label="Plan view of the courses"
+    )
     return [element("figure", figure), element("p", words, class_="note")]
 
 
@@ -133,11 +141,8 @@ def _arrows(strips: Sequence[_CourseStrip]) -> list[Element]:
         middle = len(strip.points) // 2
         begin, end = strip.points[middle - 1], strip.points[middle]
         ahead = heading(begin, end)
-        left = np.array([ahead[1], -ahead[0]])
-        tip = (begin + end) / 2 + 5 * ahead
         if places.take((begin + end) / 2, 5.0):
-            corners = (tip, tip - 10 * ahead + 4 * left, tip - 10 * ahead - 4 * left)
-            path = "M" + "L".join(f"{px(x)} {px(y)}" for x, y in corners) + "z"
+            path = arrowhead((begin + end) / 2 + 5 * ahead, ahead, 10, 4)
             nodes.append(element("path", d=path, class_="arrow"))
     return nodes
 
@@ -158,24 +163,3 @@ def _worst_place(pixels: Floats, errors: Floats) -> list[Element]:
     worst = int(np.argmax(np.where(np.isfinite(errors), errors, np.inf)))
     across, down = pixels[worst]
     return [element("circle", cx=px(across), cy=px(down), r=8, class_="ring")]
-
-
-def _colour_bar(left: float, top: float, highest: float, limit: float, largest: float) -> list[Element]:
-    """Colours of the position errors with their values."""
-    size = 14.0
-    nodes = [element("text", "position error", x=px(left), y=px(top + 8), class_="tick")]
-    nodes.append(element("text", "mm", x=px(left), y=px(top + 20), class_="tick"))
-    top += 30
-    if largest > limit:
-        nodes.append(element("rect", x=px(left), y=px(top), width=16, height=size, class_="fill over"))
-        nodes.append(element("text", "beyond the limit", x=px(left + 21), y=px(top + 10), class_="tick bound"))
-        top += size + 6
-    for colour in range(COLOURS):
-        down = top + size * (COLOURS - 1 - colour)
-        nodes.append(element("rect", x=px(left), y=px(down), width=16, height=size, class_=f"fill e{colour}"))
-    for i in range(0, COLOURS + 1, 2):
-        value = highest * i / COLOURS
-        at = top + size * (COLOURS - i)
-        style = "tick bound" if i == COLOURS and highest == limit else "tick"
-        nodes.append(element("text", plain(value), x=px(left + 21), y=px(at + 4), class_=style))
-    return nodes

@@ -1,58 +1,340 @@
-"""Quantities of the report: what they are called, how they are written, and which have a limit."""
+"""Quantities of a laying report, in the order of the JSON report."""
 
 from __future__ import annotations
 
-from tapelayer.laying.settings import Setup
+import math
+import re
 
-# Quantities of the report in the order of the page: key, words, unit, format.
-QUANTITIES = (
-    ("max_position_error_mm", "position error", "mm", "z.4f"),
-    ("max_chord_error_mm", "chord error", "mm", "z.4f"),
-    ("max_tape_error_mm", "tape error", "mm", "z.4f"),
-    ("max_roller_tilt_deg", "roller tilt", "deg", "z.4f"),
-    ("max_edge_lift_mm", "edge lift", "mm", "z.4f"),
-    ("max_heading_error_deg", "heading error", "deg", "z.4f"),
-    ("max_pitch_deg", "pitch on the roller", "deg", "z.3f"),
-    ("max_wrap_mm", "wrap in a course", "mm", "z.3f"),
-    ("max_roller_offset_mm", "roller offset", "mm", "z.4f"),
-    ("max_cut_error_mm", "cut error", "mm", "z.4f"),
-    ("max_blade_error_deg", "blade error", "deg", "z.4f"),
-    ("taken_back_mm", "tape taken back", "mm", "z.3f"),
-    ("least_link_clearance_mm", "link clearance", "mm", "z.2f"),
-    ("max_forward_disagreement_m", "forward disagreement", "m", ".1e"),
-)
-FACTS = (
-    ("courses", "courses", "", ",d"),
-    ("points", "points", "", ",d"),
-    ("blocks", "blocks", "", ",d"),
-    ("laid_length_m", "laid length", "m", "z,.3f"),
-    ("duration_s", "duration", "s", "z,.1f"),
-    ("tape_used_mm", "tape used", "mm", "z,.1f"),
-    ("waste_mm", "waste", "mm", "z,.1f"),
-    ("waste_percent", "waste share", "%", "z.2f"),
-    ("cuts", "cuts", "", ",d"),
-    ("knife_conflicts", "knife conflicts", "", ",d"),
-    ("laying_stops", "stops while laying", "", ",d"),
-)
-# What has no limit of its own is not drawn beside one.
-LIMITED = (
-    "max_position_error_mm",
-    "max_tape_error_mm",
-    "max_roller_tilt_deg",
-    "max_heading_error_deg",
-    "max_cut_error_mm",
-    "max_blade_error_deg",
+import numpy as np
+
+from tapelayer.arrays import Floats, Ints
+from tapelayer.laying.evidence import Evidence
+from tapelayer.laying.tape_ledger import listed_courses, time_shares
+from tapelayer.reporting.quantity import Group, Listing, Quantity, Row, Style, count
+from tapelayer.reporting.words import Words
+from tapelayer.units import DEG, MM
+
+# Failures in which a knife is where it must not be, or is not where it must be.
+KNIFE_FAILURE = re.compile(
+    r"knife_[12]_(switched_again|left_on|off_every_cut_mm)|(rapid|stop)_with_knife_[12]_on"
+    r"|cuts_made|cut_width_mm|axis_[vq]_mm"
 )
 
 
-def absent(key: str) -> str:
-    """Why a quantity may have no value."""
-    return "no link" if key == "least_link_clearance_mm" else "not measured"
+def _largest(values: Floats) -> float:
+    """Largest magnitude; NaN where there is no value or one of them is not finite."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    return largest if len(values) and math.isfinite(largest) else math.nan
 
 
-def limits_of(setup: Setup) -> dict[str, tuple[float, bool]]:
-    """Limit of each limited quantity, and whether it is judged: the published form's pose only where the setup says."""
-    limits = setup.verification
-    published = setup.process.kinematics == "published"
-    free = {"max_roller_tilt_deg", "max_heading_error_deg"} - limits.model_fields_set if published else set()
-    return {key: (getattr(limits, key), key not in free) for key in LIMITED}
+def _largest_spread(values: Floats, courses: Ints) -> float:
+    """Largest difference of two values (n,) within one course; NaN where there is none or one is NaN."""
+    if not len(values):
+        return math.nan
+    starts = np.unique(courses, return_index=True)[1]
+    return float(np.max(np.maximum.reduceat(values, starts) - np.minimum.reduceat(values, starts)))
+
+
+def _edge_lift(evidence: Evidence) -> float:
+    """Lift of the tape's edge by the largest tilt, mm."""
+    # The tilt by way of the degrees of the report would differ in the last digit.
+    return evidence.tape_width / 2 * math.sin(_largest(evidence.samples.tilts)) / MM
+
+
+def _wrap(evidence: Evidence) -> float:
+    return evidence.roller_radius * _largest_spread(evidence.samples.wraps, evidence.samples.courses) / MM
+
+
+def _chord_error(evidence: Evidence) -> float:
+    return _largest(evidence.samples.position_errors[~evidence.samples.block_ends]) / MM
+
+
+def _waste_percent(evidence: Evidence) -> float:
+    """Waste in percent of the tape used; NaN where none was used."""
+    return 100 * evidence.tape.waste / evidence.tape.used if evidence.tape.used else math.nan
+
+
+def _link_clearance(evidence: Evidence) -> float | None:
+    """Least clearance between courses, mm; None where the head never goes from course to course."""
+    clearance = evidence.least_link_clearance
+    return None if clearance == math.inf else clearance / MM
+
+
+def _knife_conflicts(evidence: Evidence) -> int:
+    return sum(KNIFE_FAILURE.fullmatch(failure.what) is not None for failure in evidence.failures)
+
+
+ROWS: tuple[Row[Evidence], ...] = (
+    count(
+        "courses",
+        Words("courses", "道次数"),
+        Words("courses in the course file", "轨迹文件中的道次数"),
+        lambda e: e.courses,
+    ),
+    count(
+        "points", Words("points", "点数"), Words("points in the course file", "轨迹文件中的点数"), lambda e: e.points
+    ),
+    count(
+        "blocks",
+        Words("blocks", "程序段"),
+        Words("blocks in the program: motions, dwells and switching words", "程序中的程序段：运动、暂停和开关指令"),
+        lambda e: e.blocks,
+        headline=True,
+    ),
+    count(
+        "cuts",
+        Words("cuts", "切割次数"),
+        Words("cuts made; one that two courses share counts once", "完成的切割；两道共用的一次只计一次"),
+        lambda e: len(e.tape.cuts),
+    ),
+    count(
+        "knife_conflicts",
+        Words("knife conflicts", "切刀冲突"),
+        Words(
+            "failures in which a knife is where it must not be, or is not where it must be: put down or up twice, left "
+            "down, down over a rapid, off every cut, a cut missing, made again or not over the full width, `v` or `q` "
+            "beyond its travel",
+            "切刀位置不当的失败：重复下落或抬起、未抬起、快移中未抬起、不在任何切割线上、"
+            "缺切、重切、未切满带宽，或 `v`、`q` 超出行程",
+        ),
+        _knife_conflicts,
+    ),
+    count(
+        "laying_stops",
+        Words("stops while laying", "铺放中停顿"),
+        Words("places where the tape rests while it is laid", "铺放过程中带料停住的位置数"),
+        lambda e: sum(row.laying_stops for row in e.tape.rows),
+    ),
+    Quantity(
+        "laid_length_m",
+        Words("laid length", "铺放长度"),
+        Words("length of all courses", "所有道次的长度"),
+        "m",
+        3,
+        lambda e: e.laid_length,
+        Group.FACT,
+        required=True,
+    ),
+    Quantity(
+        "duration_s",
+        Words("duration", "时长"),
+        Words(
+            "time of the program; rapids count with the machine's speed limits", "程序用时；快移按机床各轴速度上限计算"
+        ),
+        "s",
+        1,
+        lambda e: e.duration,
+        Group.FACT,
+        required=True,
+        headline=True,
+    ),
+    Quantity(
+        "tape_used_mm",
+        Words("tape used", "用带量"),
+        Words(
+            "from the tape's first leading edge to the last course's end, rolls that were changed included",
+            "从第一个带头到最后一道末端的用带量，含换卷",
+        ),
+        "mm",
+        1,
+        lambda e: e.tape.used / MM,
+        Group.FACT,
+        required=True,
+        headline=True,
+    ),
+    Quantity(
+        "waste_mm",
+        Words("waste", "废料"),
+        Words("tape used and not laid", "用去而未铺放的带料"),
+        "mm",
+        1,
+        lambda e: e.tape.waste / MM,
+        Group.FACT,
+        required=True,
+    ),
+    Quantity(
+        "waste_percent",
+        Words("waste share", "废料率"),
+        Words("the same of the tape used", "废料占用带量的百分比"),
+        "%",
+        2,
+        _waste_percent,
+        Group.FACT,
+        required=True,
+    ),
+    Quantity(
+        "max_position_error_mm",
+        Words("position error", "位置误差"),
+        Words(
+            "contact off the course in the plane across the travel: root of normal² + lateral², at block ends and "
+            "between",
+            "接触点在垂直于行进方向的平面内偏离轨迹的距离（法向与侧向的合成），在段末及段中检查",
+        ),
+        "mm",
+        4,
+        lambda e: _largest(e.samples.position_errors) / MM,
+        required=True,
+        headline=True,
+        samples="position_errors",
+        curves=(("normal", "normal_errors"), ("lateral", "lateral_errors")),
+    ),
+    Quantity(
+        "max_chord_error_mm",
+        Words("chord error", "弦高误差"),
+        Words(
+            "the same between block ends only: the blocks are straight in joint space, the course is not",
+            "仅段中的位置误差：程序段在关节空间是直线，轨迹不是",
+        ),
+        "mm",
+        4,
+        _chord_error,
+        required=True,
+    ),
+    Quantity(
+        "max_roller_tilt_deg",
+        Words("roller tilt", "压辊倾斜"),
+        Words("roller axis out of the surface's tangent plane", "压辊轴线偏离曲面切平面的角度"),
+        "deg",
+        4,
+        lambda e: _largest(e.samples.tilts) / DEG,
+        required=True,
+        headline=True,
+        samples="tilts",
+        curves=(("tilt", "tilts"),),
+    ),
+    Quantity(
+        "max_edge_lift_mm",
+        Words("edge lift", "带边翘起"),
+        Words(
+            "width / 2 · sin(`max_roller_tilt_deg`): how far that tilt lifts an edge of the tape",
+            "带宽 / 2 · sin(`max_roller_tilt_deg`)：该倾斜使带边翘起的高度",
+        ),
+        "mm",
+        4,
+        _edge_lift,
+        required=True,
+    ),
+    Quantity(
+        "max_heading_error_deg",
+        Words("heading error", "航向误差"),
+        Words("roller axis off square to the travel, in the tangent plane", "压辊轴线在切平面内与行进方向的垂直度误差"),
+        "deg",
+        4,
+        lambda e: _largest(e.samples.heading_errors) / DEG,
+        required=True,
+        samples="heading_errors",
+        curves=(("heading", "heading_errors"),),
+    ),
+    Quantity(
+        "max_pitch_deg",
+        Words("pitch on the roller", "压辊俯仰"),
+        Words(
+            "angle between head normal and surface normal about the roller axis, which the round roller takes up",
+            "铺带头法向与曲面法向绕压辊轴的夹角，由圆辊自身吸收",
+        ),
+        "deg",
+        3,
+        lambda e: _largest(e.samples.pitches) / DEG,
+        required=True,
+    ),
+    Quantity(
+        "max_wrap_mm",
+        Words("wrap in a course", "道次内包绕量"),
+        Words(
+            "roller radius times the spread, within one course, of the nip's angle round the roller: the tape that the "
+            "wrap takes or gives. With `wrap_compensation = false` the program leaves it out, and this says how much",
+            "压辊半径乘以一道内压点包角的变化范围：包绕多用或少用的带料。"
+            "`wrap_compensation = false` 时程序不作补偿，此值即为其大小",
+        ),
+        "mm",
+        3,
+        _wrap,
+        required=True,
+    ),
+    Quantity(
+        "max_roller_offset_mm",
+        Words("roller offset", "压辊偏移"),
+        Words(
+            "roller's centre off its exact place, one radius above the course along the normal",
+            "压辊中心偏离其精确位置（沿法向高出轨迹一个半径）的距离",
+        ),
+        "mm",
+        4,
+        lambda e: _largest(e.samples.offsets) / MM,
+        required=True,
+    ),
+    Quantity(
+        "max_tape_error_mm",
+        Words("tape error", "送带误差"),
+        Words("nip ahead of or behind the tape fed", "压点相对送带量的超前或滞后"),
+        "mm",
+        4,
+        lambda e: _largest(e.samples.tape_errors) / MM,
+        required=True,
+        samples="tape_errors",
+        curves=(("tape", "tape_errors"),),
+    ),
+    Quantity(
+        "max_cut_error_mm",
+        Words("cut error", "切割误差"),
+        Words(
+            "lowered knife off the line that it cuts, on the tape, square to the line",
+            "落下的切刀在带上垂直于切割线的偏离",
+        ),
+        "mm",
+        4,
+        lambda e: _largest(np.array([cut.error for cut in e.tape.cuts])) / MM,
+        required=True,
+    ),
+    Quantity(
+        "max_blade_error_deg",
+        Words("blade error", "刀片角误差"),
+        Words("blade of a lowered knife off the direction of its line", "落下的刀片与其切割线方向的夹角"),
+        "deg",
+        4,
+        lambda e: _largest(np.array([cut.blade_error for cut in e.tape.cuts])) / DEG,
+        required=True,
+    ),
+    Quantity(
+        "taken_back_mm",
+        Words("tape taken back", "回收带长"),
+        Words(
+            "longest run of the tape backwards, head in the air between courses",
+            "道次之间铺带头离开工件时带料回收的最大长度",
+        ),
+        "mm",
+        3,
+        lambda e: e.tape_taken_back / MM,
+        required=True,
+    ),
+    Quantity(
+        "least_link_clearance_mm",
+        Words("link clearance", "过渡间隙"),
+        Words(
+            "roller above the highest course point while the head goes from course to course; `null` where it never "
+            "does",
+            "铺带头在道次之间移动时压辊高出最高轨迹点的距离；无过渡时为 `null`",
+        ),
+        "mm",
+        2,
+        _link_clearance,
+        absent=Words("no link", "无过渡"),
+        required=True,
+    ),
+    Quantity(
+        "max_forward_disagreement_m",
+        Words("forward disagreement", "正解偏差"),
+        Words(
+            "Pinocchio itself against the batch evaluator that measured all the rest",
+            "Pinocchio 本身与批量求值器（测量其余各项）的差",
+        ),
+        "m",
+        1,
+        lambda e: e.forward_disagreement,
+        style=Style.POWER,
+        required=True,
+    ),
+    Listing("time_shares", lambda e: time_shares(e.tape), required=True),
+    Listing("program_sha256", lambda e: e.program_sha256),
+    Listing("tape", lambda e: listed_courses(e.tape), required=True),
+)

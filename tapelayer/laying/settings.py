@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from tapelayer.setups.sections import JobSetup, MachineSettings, NotNegative, Number, Positive, Section
+from tapelayer.setups.sections import JobSetup, MachineSettings, NotNegative, Number, OutputSettings, Positive, Section
 from tapelayer.units import DEG
 
 
@@ -117,7 +117,7 @@ class VerificationSettings(Section, title="Verification"):
     max_blade_error_deg: Annotated[Positive, Field(description="blade off the direction of its cut")] = 0.05
 
 
-class OutputSettings(Section, title="Output"):
+class LayOutputSettings(OutputSettings, title="Output"):
     """What comes out."""
 
     controller: Annotated[str, Field(description="name of a controller table, or the path of one", min_length=1)] = (
@@ -138,7 +138,7 @@ class Setup(JobSetup):
     verification: Annotated[VerificationSettings, Field(description="what a program must keep")] = (
         VerificationSettings()
     )
-    output: Annotated[OutputSettings, Field(description="what comes out")] = OutputSettings()
+    output: Annotated[LayOutputSettings, Field(description="what comes out")] = LayOutputSettings()
 
     def sha256(self, urdf: bytes) -> str:
         """SHA-256 of the effective values, hexadecimal; the URDF enters by its content, not by its path.

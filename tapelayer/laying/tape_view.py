@@ -12,10 +12,10 @@ import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.laying.evidence import CutMade, Evidence, TapeLedger
-from tapelayer.laying.settings import Setup, VerificationSettings
 from tapelayer.reporting.drawing import element, px, svg, table, ticks
 from tapelayer.reporting.words import plain, shown
 from tapelayer.units import DEG, MM
+from tapelayer.verification.limits import Limits
 
 # A strip of tape in pixels. A tape that takes more than `STRIPS` strips of this height is drawn smaller, down to the
 # least height; where it then takes more than `MOST_STRIPS`, the page says how far it is drawn.
@@ -33,18 +33,18 @@ WASTES = {
     "waste_formula_mm": "by the angles",
     "waste_knives_mm": "for a free knife",
 }
+CUT, BLADE = "max_cut_error_mm", "max_blade_error_deg"
 LEGEND = {"roll": "A roll begins", "first": "Knife 1", "second": "Knife 2", "over": "Beyond a limit, or not cut"}
 
 
-def tape_view(evidence: Evidence, report: dict[str, Any], setup: Setup) -> list[Element]:
+def tape_view(evidence: Evidence, report: dict[str, Any]) -> list[Element]:
     """The tape to scale, then its ledger by course, then its cuts.
 
     Args:
         evidence: what verification measured.
-        report: `numbers` of the evidence.
-        setup: the job's values, for the limits.
+        report: plain values of the evidence.
     """
-    tape, limits = evidence.tape, setup.verification
+    tape, limits = evidence.tape, evidence.limits
     if not (tape.rows and all(math.isfinite(row.station) for row in tape.rows)):
         return [element("p", "Nothing was measured on the tape.", class_="note")]
     return [
@@ -80,7 +80,7 @@ def _ledger(report: dict[str, Any]) -> Element:
     return table(("course", "starts at mm", "laid mm", *WASTES.values(), "stops while laying"), rows)
 
 
-def _cuts(cuts: Sequence[CutMade], limits: VerificationSettings) -> Element:
+def _cuts(cuts: Sequence[CutMade], limits: Limits) -> Element:
     """The cuts in the order of the tape; what is beyond its limit is red."""
     rows: list[list[Element | str]] = [
         [
@@ -91,15 +91,15 @@ def _cuts(cuts: Sequence[CutMade], limits: VerificationSettings) -> Element:
             element("span", str(cut.knife), class_=f"key {_colour(cut)}"),
             str(cut.block),
             str(cut.line or ""),
-            _judged(cut.error / MM, limits.max_cut_error_mm),
-            _judged(cut.blade_error / DEG, limits.max_blade_error_deg),
+            _judged(cut.error / MM, limits[CUT].value),
+            _judged(cut.blade_error / DEG, limits[BLADE].value),
         ]
         for cut in cuts[:SHOWN_ROWS]
     ]
     headings = (
         *("cut at mm", "angle deg", "ends course", "starts course", "knife", "block", "line"),
-        f"error mm, limit {plain(limits.max_cut_error_mm)}",
-        f"blade deg, limit {plain(limits.max_blade_error_deg)}",
+        f"error mm, limit {plain(limits[CUT].value)}",
+        f"blade deg, limit {plain(limits[BLADE].value)}",
     )
     return table(headings, rows)
 
@@ -113,7 +113,7 @@ def _colour(cut: CutMade) -> str:
     return "first" if cut.knife == 1 else "second"
 
 
-def _drawing(tape: TapeLedger, width: float, limits: VerificationSettings) -> list[Element]:
+def _drawing(tape: TapeLedger, width: float, limits: Limits) -> list[Element]:
     """The tape of a width in millimetres to scale, broken into strips, below what its colours mean."""
     laid, uncut = _courses(tape)
     waste, rolls = _waste(laid, np.array([row.waste_roll for row in tape.rows]) / MM)
@@ -170,11 +170,11 @@ def _waste(laid: Floats, rolls: Floats) -> tuple[Floats, Floats]:
     return waste, np.vstack([np.zeros((1, 2)), edges[fresh]])
 
 
-def _cut_lines(cuts: Sequence[CutMade], uncut: Floats, limits: VerificationSettings) -> dict[str, Floats]:
+def _cut_lines(cuts: Sequence[CutMade], uncut: Floats, limits: Limits) -> dict[str, Floats]:
     """Lines (k, 2) of the cuts by style; `over` are those beyond a limit and those that were not cut (j, 2)."""
     lines = np.array([[cut.station / MM, 1 / math.tan(cut.angle)] for cut in cuts]).reshape(-1, 2)
     errors = np.array([[cut.error / MM, cut.blade_error / DEG] for cut in cuts]).reshape(-1, 2)
-    kept = np.all(errors <= [limits.max_cut_error_mm, limits.max_blade_error_deg], axis=1)
+    kept = np.all(errors <= [limits[CUT].value, limits[BLADE].value], axis=1)
     first = np.array([cut.knife == 1 for cut in cuts], np.bool_)
     return {
         "first": lines[kept & first],

@@ -11,6 +11,18 @@ from tapelayer.arrays import Floats
 from tapelayer.reporting.drawing import Panel, element, px, ticks
 from tapelayer.reporting.words import plain
 
+# Colours of a scale, and the largest drawing of a plan, pixels.
+COLOURS = 10
+WIDTH, HEIGHT = 760.0, 560.0
+
+
+def plan_panel(low: Floats, high: Floats) -> tuple[Panel, float]:
+    """Return the panel of a plan to scale from corner (2,) to corner (2,) in mm, and its pixels a millimetre."""
+    scale = float(min(WIDTH / (high[0] - low[0]), HEIGHT / (high[1] - low[1])))
+    size = (high - low) * scale
+    spans = (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
+    return Panel(64, 18, round(size[0]), round(size[1]), *spans), scale
+
 
 def round_up(value: float) -> float:
     """The next of 1, 2 or 5 times a power of ten; for no error at all a micrometre in millimetres."""
@@ -45,6 +57,46 @@ class MarkPlaces:
             return False
         self._taken = np.vstack([self._taken, [*centre, half_width]])
         return True
+
+
+def arrowhead(tip: Floats, ahead: Floats, length: float, half_width: float) -> str:
+    """Return the path of an arrowhead with its tip (2,) in pixels, along a unit vector (2,)."""
+    left = np.array([ahead[1], -ahead[0]])
+    corners = (tip, tip - length * ahead + half_width * left, tip - length * ahead - half_width * left)
+    return "M" + "L".join(f"{px(x)} {px(y)}" for x, y in corners) + "z"
+
+
+def colour_bar(
+    left: float, top: float, words: tuple[str, str], highest: float, *, bound: bool = False, over: bool = False
+) -> list[Element]:
+    """Return a bar of the colours with their values.
+
+    Args:
+        left: of the bar, pixels.
+        top: of the bar, pixels.
+        words: what the colours mean, in two lines.
+        highest: value at the end of the colours; 0 is at their begin.
+        bound: whether the end is a limit.
+        over: whether the colour of what is beyond the limit is shown, too.
+    """
+    size = 14.0
+    nodes = [
+        element("text", line, x=px(left), y=px(top + down), class_="tick")
+        for line, down in zip(words, (8, 20), strict=True)
+    ]
+    top += 30
+    if over:
+        nodes.append(element("rect", x=px(left), y=px(top), width=16, height=size, class_="fill over"))
+        nodes.append(element("text", "beyond the limit", x=px(left + 21), y=px(top + 10), class_="tick bound"))
+        top += size + 6
+    for colour in range(COLOURS):
+        down = top + size * (COLOURS - 1 - colour)
+        nodes.append(element("rect", x=px(left), y=px(down), width=16, height=size, class_=f"fill e{colour}"))
+    for i in range(0, COLOURS + 1, 2):
+        at = top + size * (COLOURS - i)
+        style = "tick bound" if i == COLOURS and bound else "tick"
+        nodes.append(element("text", plain(highest * i / COLOURS), x=px(left + 21), y=px(at + 4), class_=style))
+    return nodes
 
 
 def scale_bar(panel: Panel, scale: float) -> Element:

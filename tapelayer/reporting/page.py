@@ -1,21 +1,150 @@
-"""Page: what the HTML reports of all machines are made of."""
+"""Page: the report to print and sign, as one HTML file with plots that asks the network for nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from typing import Any
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, tostring
 
 from tapelayer.reporting.drawing import element, px, svg, table
-from tapelayer.reporting.words import plain, shown
+from tapelayer.reporting.quantity import Group, Measured, Quantity, Row, quantities
+from tapelayer.reporting.words import plain, shown, worded
 from tapelayer.verification.axis_use import AxisUse
+from tapelayer.verification.limits import Limits
 
+# Rows of a table; beyond them the page gives a count.
+SHOWN_ROWS = 200
 STYLE = files("tapelayer.reporting").joinpath("page.css").read_text(encoding="utf-8")
+
+Cells = list[Element | str]
+
+
+def document(title: str, verdict: Element, sections: Sequence[Element], style: str = "") -> str:
+    """Return the text of an HTML page, light and dark, to be printed.
+
+    Args:
+        title: of the report, as the program is called.
+        verdict: in one line.
+        sections: the rest, in order.
+        style: more CSS.
+    """
+    # A file name may hold bytes that are no text; they are shown as escapes.
+    name = printable(title)
+    header = element("header", element("h1", "Verification of ", element("span", name, class_="name")), verdict)
+    head = element(
+        "head",
+        element("meta", charset="utf-8"),
+        element("meta", http_equiv="Content-Security-Policy", content="default-src 'none'; style-src 'unsafe-inline'"),
+        element("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        element("title", f"Verification of {name}"),
+        element("style", STYLE + style),
+    )
+    page = element("html", head, element("body", header, *sections), lang="en")
+    return "<!DOCTYPE html>\n" + tostring(page, encoding="unicode", method="html") + "\n"
+
+
+def printable(name: str) -> str:
+    """Return a file name with the bytes that are no text as escapes."""
+    return name.encode(errors="backslashreplace").decode()
+
+
+def verdict(rows: Sequence[Row[Measured]], report: dict[str, Any], limits: Limits, parts: str) -> Element:
+    """Return the verdict in one line; it names what is beyond a limit and not judged.
+
+    Args:
+        rows: of the kind of machine.
+        report: its plain values.
+        limits: of the setup.
+        parts: key of the number of courses or passes.
+    """
+    failures = report["failures"]
+    if failures:
+        first = _sentence(failures[0])
+        words = f"FAILED: {len(failures):,} failure{'s' if len(failures) > 1 else ''}, the first: {first}"
+        return element("p", words, class_="verdict failed")
+    kept = "every limit" if all(limit.judged for limit in limits.values()) else "every limit that is judged"
+    words = f"PASSED: {report['blocks']:,} blocks over {report[parts]:,} {parts} keep {kept}"
+    position = next(row for row in quantities(rows) if row.key == "max_position_error_mm")
+    words += f"; {position.words.en} {position.shown(report[position.key])}"
+    beyond = [
+        f"{row.words.en} {row.shown(report[row.key])}"
+        for row in quantities(rows)
+        if row.key in limits and not limits[row.key].judged and not limits[row.key].kept(report[row.key])
+    ]
+    if not beyond:
+        return element("p", words, class_="verdict passed")
+    return element("p", f"{words}. NOT JUDGED: {', '.join(beyond)}", class_="verdict unjudged")
+
+
+def _sentence(failure: dict[str, Any]) -> str:
+    words, unit = worded(failure["what"])
+    place = "".join(f"{key} {failure[key]} " for key in (*_part_keys(failure), "point") if failure[key])
+    if failure["value"] is None:
+        return f"{place}{words} has no finite value"
+    limit = "" if failure["limit"] is None else f", limit {failure['limit']:.6g} {unit}"
+    return f"{place}{words} is {failure['value']:.6g} {unit}".rstrip() + limit.rstrip()
+
+
+def _part_keys(failure: dict[str, Any]) -> list[str]:
+    """The key of a failure that numbers its course or pass: the one before its point."""
+    keys = list(failure)
+    return keys[: keys.index("point")]
+
+
+def facts(rows: Sequence[Row[Measured]], report: dict[str, Any], more: Sequence[tuple[str, str]]) -> Element:
+    """Return the facts of a program: words and value of each, and of what else there is to say."""
+    pairs = [(row.words.en, row.shown(report[row.key])) for row in quantities(rows, Group.FACT)]
+    pairs += [*more, ("tapelayer", report["version"]), ("SHA-256 of the program", report["program_sha256"])]
+    return element("dl", *(element("div", element("dt", words), element("dd", value)) for words, value in pairs))
+
+
+def failures_table(failures: Sequence[dict[str, Any]]) -> list[Element]:
+    """Return the failures with their places; nothing where there are none."""
+    if not failures:
+        return []
+    keys = [*_part_keys(failures[0]), "point", "line"]
+
+    def cells(failure: dict[str, Any]) -> Cells:
+        words, unit = worded(failure["what"])
+        places = [str(failure.get(key) or "") for key in keys]
+        limit = "" if failure["limit"] is None else f"{failure['limit']:.6g} {unit}"
+        return [*places, words, shown(failure["value"], unit, ".6g", "no finite value"), limit]
+
+    return listing("Failures", failures, cells, (*keys, "what", "found", "limit"), class_="failures")
+
+
+def listing(
+    title: str, rows: Sequence[Any], cells: Callable[[Any], Cells], headings: Sequence[str], class_: str = ""
+) -> list[Element]:
+    """Return a heading and a table of the first rows, with a count of the rest; nothing where there are no rows."""
+    if not rows:
+        return []
+    nodes = [element("h2", title), table(headings, [cells(row) for row in rows[:SHOWN_ROWS]], class_=class_)]
+    more = len(rows) - SHOWN_ROWS
+    if more > 0:
+        nodes.append(element("p", f"and {more:,} more", class_="note"))
+    return nodes
+
+
+def quantities_table(rows: Sequence[Row[Measured]], report: dict[str, Any], limits: Limits) -> Element:
+    """Return the table of quantities against their limits."""
+    cells = [_quantity_cells(row, report[row.key], limits) for row in quantities(rows, Group.ERROR)]
+    return table(("quantity", "found", "", "limit", "of limit", ""), cells, class_="numbers")
+
+
+def _quantity_cells(row: Quantity[Measured], value: float | None, limits: Limits) -> Cells:
+    cells: Cells = [row.words.en, row.shown(value, with_unit=False), row.unit]
+    limit = limits.get(row.key)
+    if limit is None:
+        return [*cells, "", "", ""]
+    share = "" if value is None else f"{value / limit.value:,.0%}"
+    bar = range_bar(0.0, value, 0.0, limit.value, not limit.kept(value))
+    return [*cells, plain(limit.value), share if limit.judged else f"{share}, not judged", bar]
 
 
 def axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:
-    """Return the table of travel and top speed of every axis, as the report has them.
+    """Return the table of travel and top speed of every axis.
 
     Args:
         axes: in the order of the machine.
@@ -23,21 +152,21 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:
     """
     # A speed may exceed its limit by the last digit of a feed word: what is red is verification's to say.
     failed = {failure["what"] for failure in report["failures"]}
-    rows: list[list[Element | str]] = []
+    rows: list[Cells] = []
     for axis in axes:
-        found = report["axes"][axis.name]
+        use = report["axes"][axis.name]
         travel, speed = axis.failures
         rows.append(
             [
                 axis.name,
-                found["unit"],
-                *(shown(found[key], "", "z,.2f") for key in ("min", "max")),
-                f"{plain(found['lower'])} to {plain(found['upper'])}",
-                shown(found["margin"], "", "z,.2f"),
-                range_bar(found["min"], found["max"], found["lower"], found["upper"], travel in failed),
-                shown(found["max_speed"], "", "z,.2f"),
-                plain(found["speed_limit"]),
-                range_bar(0.0, found["max_speed"], 0.0, found["speed_limit"], speed in failed),
+                use["unit"],
+                *(shown(use[key], "", "z,.2f") for key in ("min", "max")),
+                f"{plain(use['lower'])} to {plain(use['upper'])}",
+                shown(use["margin"], "", "z,.2f"),
+                range_bar(use["min"], use["max"], use["lower"], use["upper"], travel in failed),
+                shown(use["max_speed"], "", "z,.2f"),
+                plain(use["speed_limit"]),
+                range_bar(0.0, use["max_speed"], 0.0, use["speed_limit"], speed in failed),
             ]
         )
     headings = ("axis", "", "least", "greatest", "travel", "margin", "", "top speed /s", "limit /s", "")
@@ -45,7 +174,7 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:
 
 
 def range_bar(begin: float | None, end: float | None, low: float, high: float, failed: bool) -> Element:
-    """A range within its bounds as a small bar, red where it failed."""
+    """Return a range within its bounds as a small bar, red where it failed."""
     width = 90.0
     drawing = svg(width, 9, element("rect", class_="track", x=0, y=1.5, width=width, height=6))
     if begin is not None and end is not None:

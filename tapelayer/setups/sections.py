@@ -12,7 +12,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
@@ -81,8 +81,19 @@ class MachineSettings(Section, title="Machine"):
         return self
 
 
+class OutputSettings(Section, title="Output"):
+    """What comes out."""
+
+    controller: Annotated[str, Field(description="name of a controller table, or the path of one", min_length=1)]
+
+
 class JobSetup(Section):
     """The setup of a job: a table of values for each thing it speaks of."""
+
+    if TYPE_CHECKING:
+        # Every setup has these sections; their place among the others is the setup's own.
+        machine: MachineSettings
+        output: OutputSettings
 
     # Section and key of the values that name files.
     FILES: ClassVar[tuple[tuple[str, str], ...]] = (("machine", "urdf"),)

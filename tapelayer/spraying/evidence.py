@@ -94,3 +94,5 @@ class SprayEvidence(Findings):
     crease_length: float
     greatest_arc_distance: float
     samples: SpraySamples
+
+    PART = "pass"

@@ -18,6 +18,7 @@ from tapelayer.motion.trajectory import MOTIONS, Event, Kind, Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.spraying.arc_runs import ArcRun, arc_on, arc_runs_of, sampled, ways_of
 from tapelayer.spraying.evidence import SplitFound, SprayEvidence, SprayFailure, SpraySamples
+from tapelayer.spraying.limits import limits_of
 from tapelayer.spraying.passes import NO_FACET, Pass, Split
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import DEG, MM
@@ -113,6 +114,7 @@ class SprayInspector:
             greatest_arc_distance=distance,
             forward_disagreement=disagreement,
             axes=axes,
+            limits=limits_of(self.setup),
             samples=joined,
             failures=(
                 *failures,

@@ -1,8 +1,7 @@
-"""Spray job: one model, one setup, one robot, one control; from here to a program that was read back and verified."""
+"""Job of the spray robot: a model becomes a program that was read back and judged."""
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,18 +10,21 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from post import program, reader
+from post import program
 from post.controllers import Controller, load
 from tapelayer.arrays import Floats
-from tapelayer.errors import MeshRefused, VerificationFailed
+from tapelayer.errors import MeshRefused
 from tapelayer.geometry.mesh import Mesh, Unit
 from tapelayer.geometry.stl import parse_mesh
-from tapelayer.machines.machine import Machine
+from tapelayer.jobs.job import JobResult, MachineJob, machine_of
+from tapelayer.jobs.stages import COATING, PLANNING, SLICING
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import Trajectory
-from tapelayer.progress import UNSEEN, Steps, Tick, silent
+from tapelayer.progress import Steps
 from tapelayer.provenance import VERSION, Provenance
-from tapelayer.spraying import page, report
+from tapelayer.reporting.quantity import numbers
+from tapelayer.reporting.summary import summary
+from tapelayer.spraying import page
 from tapelayer.spraying.coat import coat_of
 from tapelayer.spraying.evidence import SprayEvidence
 from tapelayer.spraying.footprint import footprint_of
@@ -32,17 +34,17 @@ from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.pitch import widest_pitch
 from tapelayer.spraying.pose_file import trajectory_text
 from tapelayer.spraying.program import Spraying, spray
-from tapelayer.spraying.reach import Reach, mesh_in_machine, placement
-from tapelayer.spraying.report import Judged
+from tapelayer.spraying.quantities import ROWS, Judged
+from tapelayer.spraying.reach import Reach, placement
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import MM
-from tapelayer.verification.verified import Verified, failure_of
+from tapelayer.verification.verified import Verified
 from urdf import SPRAYER
 
 
 @dataclass(frozen=True, eq=False)
-class SprayJob:
-    """What goes into a program.
+class SprayJob(MachineJob[Spraying, SprayEvidence]):
+    """What goes into a program of the spray robot.
 
     Attributes:
         model: the surface in the part's frame.
@@ -52,15 +54,14 @@ class SprayJob:
         provenance: what the program's header says of its sources.
     """
 
-    model: Mesh
     setup: SpraySetup
-    machine: Machine
-    controller: Controller
-    provenance: Provenance
+    model: Mesh
+
+    SOURCE = "model"
 
     @staticmethod
-    def read(model: Path | str, setup: SpraySetup, unit: Unit = "mm") -> SprayJob:
-        """Job of a mesh file.
+    def read(path: Path | str, setup: SpraySetup, unit: Unit = "mm") -> SprayJob:
+        """Return the job of a mesh file.
 
         Raises:
             MeshRefused: the file cannot be used.
@@ -69,14 +70,20 @@ class SprayJob:
             FootprintRefused: the setup's profile cannot be used.
         """
         try:
-            data = Path(model).read_bytes()
+            data = Path(path).read_bytes()
         except OSError as error:
-            raise MeshRefused.unreadable(str(model), error) from None
-        return SprayJob.of(data, str(model), setup, unit)
+            raise MeshRefused.unreadable(str(path), error) from None
+        return SprayJob.of(data, str(path), setup, unit)
 
     @staticmethod
     def of(data: bytes, name: str, setup: SpraySetup, unit: Unit = "mm") -> SprayJob:
-        """Job of the bytes of a mesh file, which messages call by its name; the program's header has the base name.
+        """Return the job of the bytes of a mesh file.
+
+        Args:
+            data: the file's bytes.
+            name: the file as messages call it; the program's header has the base name.
+            setup: the job's values.
+            unit: of the file's numbers.
 
         Raises:
             MeshRefused: the bytes cannot be used.
@@ -85,7 +92,7 @@ class SprayJob:
             FootprintRefused: the setup's profile cannot be used.
         """
         controller = load(setup.output.controller)
-        machine = sprayer_of(setup)
+        machine = machine_of(setup, SPRAYER)
         profile = b""
         if setup.footprint.profile is not None:
             footprint_of(setup)
@@ -98,58 +105,17 @@ class SprayJob:
             version=VERSION,
             notes=(f"model in {unit}", *setup.process.notes()),
         )
-        return SprayJob(mesh, setup, machine, controller, provenance)
+        return SprayJob(setup, machine, controller, provenance, mesh)
 
-    def make(self, name: str, steps: Steps = UNSEEN) -> SprayMade:
-        """Plan, write, read back and judge a program of that name; `SprayMade.failure` says whether it may be used.
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes that a program moves; the standoff is set by hand."""
+        return AXES
 
-        Raises:
-            TapelayerError: the job cannot be done on this robot.
-        """
-        steps.begin("slicing")
-        passes = self.plan.passes
-        steps.begin("planning", len(passes))
-        planned = self.spraying(steps.tick)
-        inspector = self.inspector(planned)
-        steps.begin("verifying the plan", len(passes))
-        trajectory, text = planned.trajectory, b""
-        evidence = inspector.examine(trajectory, tick=steps.tick)
-        if evidence.passed:
-            steps.begin("writing")
-            text = self.text(Verified(trajectory, evidence))
-            steps.begin("reading back")
-            trajectory = self.read_back(text, name).trajectory
-            steps.begin("verifying", len(passes))
-            evidence = inspector.examine(trajectory, self.resolution, steps.tick)
-        steps.begin("measuring the coat")
-        return SprayMade(self, planned, trajectory, self.judged(planned, evidence, text), text)
-
-    def examine(self, text: bytes, name: str, force: bool = False, steps: Steps = UNSEEN) -> SprayMade:
-        """Judge a program by its text against the passes that its model and setup ask for.
-
-        Args:
-            text: bytes of the program.
-            name: the program as the user named it.
-            force: judge it although its header names another setup.
-            steps: who is told what is under way.
-
-        Raises:
-            ProgramRefused: the text cannot be read.
-            ProgramOfOtherSetup: its header names another setup.
-        """
-        steps.begin("reading back")
-        read = self.read_back(text, name)
-        if not force:
-            self.provenance.check_setup(read.setup_sha256, name)
-        remarks = self.provenance.remarks(read.source_sha256, name, "model")
-        steps.begin("slicing")
-        passes = self.plan.passes
-        steps.begin("planning", len(passes))
-        planned = self.spraying(steps.tick)
-        steps.begin("verifying", len(passes))
-        evidence = self.inspector(planned).examine(read.trajectory, self.resolution, steps.tick)
-        steps.begin("measuring the coat")
-        return SprayMade(self, planned, read.trajectory, self.judged(planned, evidence, text), text, remarks)
+    @property
+    def parts(self) -> int:
+        """How many passes there are."""
+        return len(self.pass_plan.passes)
 
     @cached_property
     def placement(self) -> tuple[Floats, Floats]:
@@ -159,7 +125,7 @@ class SprayJob:
     @cached_property
     def mesh(self) -> Mesh:
         """The surface in `machine`."""
-        return mesh_in_machine(self.model, *self.placement)
+        return self.model.moved(*self.placement)
 
     @cached_property
     def pitch(self) -> float:
@@ -174,7 +140,7 @@ class SprayJob:
         return widest_pitch(footprint_of(self.setup), spray.target_cv_percent / 100.0)
 
     @cached_property
-    def plan(self) -> Plan:
+    def pass_plan(self) -> Plan:
         """The passes.
 
         Raises:
@@ -182,95 +148,94 @@ class SprayJob:
         """
         return plan_passes(self.mesh, self.setup, self.machine, self.pitch)
 
-    def spraying(self, tick: Tick = silent) -> Spraying:
-        """The planned program; `tick` is called for every pass."""
-        highest = float(np.max(self.mesh.vertices[:, 2]))
-        return spray(self.plan.passes, self.setup, self.machine, highest, tick)
+    def planned(self, steps: Steps) -> tuple[Spraying, Trajectory]:
+        """Return the passes as they are sprayed, and the trajectory of that.
 
-    def inspector(self, planned: Spraying) -> SprayInspector:
-        """Judge of trajectories for these passes."""
-        return SprayInspector(self.plan.passes, planned.splits, self.mesh, self.setup, self.machine)
+        Raises:
+            TapelayerError: the job cannot be done on this robot.
+        """
+        spraying = self.basis(steps)
+        return spraying, spraying.trajectory
 
-    def judged(self, planned: Spraying, evidence: SprayEvidence, text: bytes) -> Judged:
-        """A judged program with the coat that it leaves, for the reports."""
-        coated = self.setup.process.kind == "arc" and len(evidence.samples.times) > 0
-        reach = Reach(self.mesh, self.setup, self.machine)
-        return Judged(
-            evidence=evidence,
-            plan=self.plan,
-            coat=coat_of(evidence.samples, reach, self.setup) if coated else None,
-            mesh=self.mesh,
-            slowdowns=planned.slowdowns,
-            pitch=self.pitch,
-            standoff=self.setup.standoff,
-            program_sha256=hashlib.sha256(text).hexdigest() if text else "",
-        )
+    def basis(self, steps: Steps) -> Spraying:
+        """Return the passes as they are sprayed; a program is judged by where these are split.
+
+        Raises:
+            TapelayerError: the job cannot be done on this robot.
+        """
+        steps.begin(SLICING.name)
+        passes = self.pass_plan.passes
+        steps.begin(PLANNING.name, len(passes))
+        return spray(passes, self.setup, self.machine, float(np.max(self.mesh.vertices[:, 2])), steps.tick)
+
+    def inspector(self, plan: Spraying) -> SprayInspector:
+        """Return the judge of trajectories for these passes."""
+        return SprayInspector(self.pass_plan.passes, plan.splits, self.mesh, self.setup, self.machine)
 
     def text(self, planned: Verified[SprayEvidence]) -> bytes:
-        """NC text of a verified trajectory."""
+        """Return the NC text of a verified trajectory."""
         controller = _with_current(self.controller, self.setup.process.current_a)
         return program.write(planned, controller, self.provenance)
 
-    def read_back(self, text: bytes, name: str) -> reader.Program:
-        """What an NC text says.
-
-        Raises:
-            ProgramRefused: the text cannot be read.
-        """
-        speeds = {name: self.machine.axis(name).speed for name in AXES}
-        return reader.read(text, self.controller, AXES, speeds, name)
-
-    @property
-    def resolution(self) -> Floats:
-        """Last written digit (5,) of each axis of a program, in metres and radians."""
-        return np.array([self.controller.resolution(name) for name in AXES])
+    def result(
+        self,
+        plan: Spraying,
+        trajectory: Trajectory,
+        evidence: SprayEvidence,
+        text: bytes,
+        remarks: tuple[str, ...],
+        steps: Steps,
+    ) -> SprayResult:
+        """Return what became of the job, with the coat that the program leaves."""
+        steps.begin(COATING.name)
+        coated = self.setup.process.kind == "arc" and len(evidence.samples.times) > 0
+        reach = Reach(self.mesh, self.setup, self.machine)
+        judged = Judged(
+            evidence=evidence,
+            plan=self.pass_plan,
+            coat=coat_of(evidence.samples, reach, self.setup) if coated else None,
+            mesh=self.mesh,
+            slowdowns=plan.slowdowns,
+            pitch=self.pitch,
+            standoff=self.setup.standoff,
+        )
+        return SprayResult(trajectory, evidence, text, remarks, self, plan, judged)
 
 
 @dataclass(frozen=True, eq=False)
-class SprayMade:
-    """What became of a job: a program, and what was found when it was judged.
+class SprayResult(JobResult[SprayEvidence]):
+    """What became of a job of the spray robot.
 
     Attributes:
         job: what it was made from.
         planned: the passes as they are sprayed.
-        trajectory: as read back from the text; as planned where the plan failed already.
-        judged: what verification measured on it, and the coat.
-        text: bytes of the program; none where the plan failed.
-        remarks: what is to be said beside the verdict.
+        judged: what verification measured, and the coat.
     """
 
     job: SprayJob
     planned: Spraying
-    trajectory: Trajectory
     judged: Judged
-    text: bytes
-    remarks: tuple[str, ...] = ()
-
-    @property
-    def evidence(self) -> SprayEvidence:
-        """What verification measured."""
-        return self.judged.evidence
-
-    @property
-    def failure(self) -> VerificationFailed | None:
-        """Why the program may not be used; None where it passed."""
-        return failure_of(self.evidence)
 
     def report(self) -> dict[str, Any]:
-        """The report as plain values for JSON; docs/spray.md describes every key."""
-        return report.numbers(self.judged)
+        """Return the report as plain values for JSON; docs/spray.md describes every key."""
+        return numbers(ROWS, self.judged, self.evidence)
 
     def summary(self) -> Table:
-        """The report as a table for a terminal."""
-        return report.summary(self.report())
+        """Return the report as a table for a terminal."""
+        report = self.report()
+        return summary(ROWS, report, self.evidence.limits, page.surface_facts(report))
 
     def page(self, title: str) -> str:
-        """The report as one HTML page with plots, called as the program is."""
-        return page.html(self.judged, self.trajectory, self.job.setup, title)
+        """Return the report as one HTML page with plots, called as the program is."""
+        return page.html(self.judged, self.trajectory, self.report(), self.job.setup, title)
+
+    def files(self) -> dict[str, bytes]:
+        """Return the gun's poses."""
+        return {"trajectory.txt": self.poses()}
 
     def poses(self) -> bytes:
-        """The gun's poses in the part's frame, as a text file."""
-        return trajectory_text(self.job.plan.passes, self.planned.pieces, self.job.placement, self.job.provenance)
+        """Return the gun's poses in the part's frame, as a text file."""
+        return trajectory_text(self.job.pass_plan.passes, self.planned.pieces, self.job.placement, self.job.provenance)
 
 
 def _with_current(controller: Controller, current: float | None) -> Controller:
@@ -279,13 +244,3 @@ def _with_current(controller: Controller, current: float | None) -> Controller:
     if current is None or "S" not in controller.codes.no_effect or not word or " " in word:
         return controller
     return controller.model_copy(update={"events": {**controller.events, "arc_on": f"{word} S{current:g}"}})
-
-
-def sprayer_of(setup: SpraySetup) -> Machine:
-    """The setup's robot: its URDF, or the built-in one, with the setup's travel and speeds.
-
-    Raises:
-        ModelRefused: the URDF cannot be used, or an axis in the setup is not the robot's.
-    """
-    urdf = SPRAYER if setup.machine.urdf is None else Path(setup.machine.urdf)
-    return Machine.load(urdf).with_limits(setup.machine.travel(), setup.machine.speeds())

@@ -47,12 +47,12 @@ def plan_passes(mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -
     seen = areas_from_above(mesh, planner.travel(0), pitch / _AREA_STRIPS, setup.spray.min_normal_z)
     beyond = seen.seen * planner.beyond_share
     if not passes:
-        parts = ((seen.facing, "too steep"), (seen.hidden, "hidden"), (beyond, "beyond the travel"))
+        parts = ((seen.too_steep, "too steep"), (seen.hidden, "hidden"), (beyond, "beyond the travel"))
         told = ", ".join(f"{area * 1e4:.4g} cm2 {words}" for area, words in parts)
         raise NothingToSpray(
             f"{mesh.name}: no pass can be sprayed on it: of the surface {told}; turn the part or place it elsewhere"
         )
-    return Plan(tuple(passes), seen.seen - beyond, seen.facing, seen.hidden, beyond)
+    return Plan(tuple(passes), seen.seen - beyond, seen.too_steep, seen.hidden, beyond)
 
 
 class _Planner:

@@ -64,16 +64,16 @@ class Plan:
     Attributes:
         passes: in the order in which they are sprayed.
         sprayed: area of the surface that passes go over, square metres.
-        facing: area too steep for a gun from above.
+        too_steep: area too steep for a gun from above.
         hidden: area below other parts of the surface.
-        travel: area beyond the machine's travel.
+        beyond_travel: area beyond the machine's travel.
     """
 
     passes: tuple[Pass, ...]
     sprayed: float
-    facing: float
+    too_steep: float
     hidden: float
-    travel: float
+    beyond_travel: float
 
 
 @dataclass(frozen=True)

@@ -18,17 +18,14 @@ from tapelayer.reporting.drawing import (
     px,
     range_of,
     svg,
-    ticks,
 )
-from tapelayer.reporting.words import plain
+from tapelayer.reporting.map_marks import COLOURS, arrowhead, colour_bar, heading, plan_panel, scale_bar
 from tapelayer.spraying.coat import Coat
 from tapelayer.spraying.passes import Plan
 from tapelayer.units import MM
 
-WIDTH, HEIGHT = 760.0, 560.0
 # Pixels of a cell of the map; a cell is never smaller on the part than samples are apart.
 LEAST_CELL = 3.0
-COLOURS = 10
 BINS = 60
 MICROMETRES = 1e6
 
@@ -38,22 +35,19 @@ def plan_view(plan: Plan, coat: Coat | None) -> list[Element]:
     ways = [found.path.points[:, :2] / MM for found in plan.passes]
     corners = np.vstack(ways if coat is None else [*ways, coat.surface.points[:, :2] / MM])
     low, high = corners.min(axis=0), corners.max(axis=0)
-    scale = float(min(WIDTH / (high[0] - low[0]), HEIGHT / (high[1] - low[1])))
-    size = (high - low) * scale
-    panel = Panel(
-        64, 18, round(size[0]), round(size[1]), (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
-    )
+    panel, scale = plan_panel(low, high)
     nodes = panel.drawn(heading_of(("y over x, mm", "")), [], [])
     if coat is not None:
         values, _ = _shown(coat)
         highest = _highest(values)
         nodes += _map(panel, coat, values, scale, highest)
-        nodes += _colours(panel.left + panel.width + 24, panel.top, coat, highest)
+        unit = "of the mean" if coat.relative else "um"
+        nodes += colour_bar(panel.left + panel.width + 24, panel.top, ("thickness", unit), highest)
     lines = "".join(polyline(panel.across(way[:, 0]), panel.down(way[:, 1])) for way in ways)
     nodes.append(element("path", d=lines, transform="scale(.1)", class_="line way"))
     arrows = [_arrow(panel.across(way[:, 0]), panel.down(way[:, 1])) for way in ways]
     nodes.append(element("path", d="".join(arrows), class_="arrow"))
-    nodes.append(_scale_bar(panel, scale))
+    nodes.append(scale_bar(panel, scale))
     words = (
         "x and y of the machine in mm, to scale. Lines: the way of the sprayed point with the arc on, overrun included."
     )
@@ -167,40 +161,9 @@ def _histogram(values: Floats, areas: Floats, mean: float, unit: str) -> Element
 
 
 def _arrow(across: Floats, down: Floats) -> str:
-    """An arrowhead in the middle of a way."""
+    """An arrowhead in the middle of a path."""
     middle = max(len(across) // 2, 1)
     tip = np.array([across[middle], down[middle]])
-    way = tip - [across[middle - 1], down[middle - 1]]
-    length = float(np.hypot(*way))
-    if not length > 0.0:
-        return ""
-    ahead = way / length
-    left = np.array([ahead[1], -ahead[0]])
-    corners = (tip + 3 * ahead, tip - 3 * ahead + 2.2 * left, tip - 3 * ahead - 2.2 * left)
-    return "M" + "L".join(f"{px(x)} {px(y)}" for x, y in corners) + "z"
-
-
-def _scale_bar(panel: Panel, scale: float) -> Element:
-    """A bar of a round length, to the right of the plan at its foot."""
-    length = ticks(0.0, 90.0 / scale, 3)[-1]
-    left, down = panel.left + panel.width + 24, panel.top + panel.height
-    bar = element("path", d=f"M{px(left)} {px(down - 4)}v4h{px(length * scale)}v-4", class_="scale")
-    return element("g", bar, element("text", f"{plain(length)} mm", x=px(left), y=px(down - 8), class_="tick"))
-
-
-def _colours(left: float, top: float, coat: Coat, highest: float) -> list[Element]:
-    """Colours of the thickness with their values."""
-    size = 14.0
-    unit = "of the mean" if coat.relative else "um"
-    nodes = [
-        element("text", "thickness", x=px(left), y=px(top + 8), class_="tick"),
-        element("text", unit, x=px(left), y=px(top + 20), class_="tick"),
-    ]
-    top += 30
-    for colour in range(COLOURS):
-        down = top + size * (COLOURS - 1 - colour)
-        nodes.append(element("rect", x=px(left), y=px(down), width=16, height=size, class_=f"fill e{colour}"))
-    for i in range(0, COLOURS + 1, 2):
-        at = top + size * (COLOURS - i)
-        nodes.append(element("text", plain(highest * i / COLOURS), x=px(left + 21), y=px(at + 4), class_="tick"))
-    return nodes
+    before = np.array([across[middle - 1], down[middle - 1]])
+    ahead = heading(before, tip)
+    return arrowhead(tip + 3 * ahead, ahead, 6, 2.2) if np.any(tip != before) else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -38,11 +38,6 @@ def placement(mesh: Mesh, setup: SpraySetup, machine: Machine) -> tuple[Floats, 
         else:
             origin.append((axis.lower + axis.upper - low[column] - high[column]) / 2)
     return rotation, np.array(origin)
-
-
-def mesh_in_machine(mesh: Mesh, rotation: Floats, origin: Floats) -> Mesh:
-    """The mesh in `machine`."""
-    return replace(mesh, vertices=mesh.vertices @ rotation.T + origin)
 
 
 def wrist_of(setup: SpraySetup, machine: Machine) -> Wrist:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from tapelayer.setups.sections import JobSetup, MachineSettings, NotNegative, Number, Positive, Section
+from tapelayer.setups.sections import JobSetup, MachineSettings, NotNegative, Number, OutputSettings, Positive, Section
 from tapelayer.units import DEG, MM
 
 STANDOFF_MM = 150.0
@@ -175,7 +175,7 @@ class SprayVerificationSettings(Section, title="Verification"):
     ] = 60.0
 
 
-class SprayOutputSettings(Section, title="Output"):
+class SprayOutputSettings(OutputSettings, title="Output"):
     """What comes out."""
 
     controller: Annotated[str, Field(description="name of a controller table, or the path of one", min_length=1)] = (

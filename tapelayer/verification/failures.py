@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from tapelayer.units import json_number
 from tapelayer.verification.axis_use import AxisUse
+from tapelayer.verification.limits import Limits
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,8 @@ class Findings:
         duration: of the program, seconds.
         forward_disagreement: largest difference between Pinocchio itself and the batch evaluator, metres.
         axes: travel and speed of every axis.
+        limits: of the setup, by quantity.
+        program_sha256: SHA-256 of the text that was judged, hexadecimal; empty where it was a plan.
         failures: what does not hold, worst first within a course; empty where the program passed.
     """
 
@@ -62,7 +65,17 @@ class Findings:
     duration: float
     forward_disagreement: float
     axes: tuple[AxisUse, ...]
+    limits: Limits
     failures: tuple[Failure, ...]
+    program_sha256: str = ""
+
+    # What the program is made of, as failures and reports call it.
+    PART: ClassVar[str] = "course"
+
+    @property
+    def places(self) -> tuple[str, str]:
+        """Keys that place a failure: number of the part, and point in it."""
+        return self.PART, "point"
 
     @property
     def passed(self) -> bool:

@@ -8,7 +8,7 @@ import shutil
 from collections.abc import AsyncIterator, Awaitable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse
@@ -17,7 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.types import Receive, Scope, Send
 
-from tapelayer.jobs.kinds import JobKind
+from tapelayer.jobs.kinds import NAMES, KindName, kind_of
+from tapelayer.setups.sections import parse_setup
 from tapelayer.workbench.foreman import Foreman, Message
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 from tapelayer.workbench.store import Record, State, Store, write_request
@@ -93,7 +94,7 @@ class Job(BaseModel):
     """A job as it is."""
 
     id: Annotated[str, Field(pattern="^[0-9a-f]{32}$", description="whoever has it may read the job")]
-    kind: JobKind
+    kind: KindName
     name: Annotated[str, Field(description="of the uploaded file")]
     state: State
     progress: Annotated[float, Field(ge=0, le=1)]
@@ -113,6 +114,19 @@ class Jobs(BaseModel):
     """Jobs, the newest first."""
 
     jobs: list[Job]
+
+
+class LimitTold(BaseModel):
+    """What a quantity may be at most."""
+
+    value: float
+    judged: Annotated[bool, Field(description="false where the quantity is measured, and fails nothing")]
+
+
+class Limits(BaseModel):
+    """Limits of a job."""
+
+    limits: Annotated[dict[str, LimitTold], Field(description="by the key of the quantity, in its unit")]
 
 
 class Progress(BaseModel):
@@ -143,7 +157,7 @@ def form(fields: Mapping[str, Sort], required: tuple[str, ...], described: Mappi
 
 FORM = {
     "file": {"description": "the course file, or the STL that is sprayed"},
-    "kind": {"enum": ["lay", "spray"]},
+    "kind": {"enum": [*NAMES]},
     "setup": {"description": "TOML, as a field or as a file; without it the defaults"},
     "controller": {"description": "in place of the setup's: the name of a built-in or of one of the parts"},
     "unit": {"enum": ["mm", "m", "in"], "description": "spray only: unit of the STL's numbers; without it mm"},
@@ -307,6 +321,15 @@ def program(record: Found, request: Request) -> FileResponse:
 def setup(record: Found, request: Request) -> FileResponse:
     """Download the job's setup: the values that it was given, the controller among them."""
     return JobFile(_store(request).folder(record.id) / "setup.toml", media_type="application/toml")
+
+
+@router.get("/jobs/{id}/limits", responses=responses("not-found"))
+def limits(record: Found, request: Request) -> Limits:
+    """Show the limits that the job's setup sets, and which of them are judged."""
+    kind = kind_of(cast(KindName, record.kind))
+    data = (_store(request).folder(record.id) / "setup.toml").read_bytes()
+    found = kind.limits(parse_setup(data, "setup.toml", kind.setup))
+    return Limits(limits={key: LimitTold(value=one.value, judged=one.judged) for key, one in found.items()})
 
 
 @router.get(

@@ -5,20 +5,22 @@ from __future__ import annotations
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Response
 from fastapi.responses import FileResponse, PlainTextResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from post import controllers
-from tapelayer.jobs.kinds import MODELS, JobKind
+from tapelayer.jobs.kind import BuiltIn
+from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, name_of_source
 from tapelayer.machines.machine import Axis, Machine
+from tapelayer.reporting.quantity import Group, Style, quantities
+from tapelayer.reporting.words import Words
 from tapelayer.setups.forms import Values, schema_of, text_of_values, values_of
 from tapelayer.units import DEG, MM
 from tapelayer.workbench.api import content
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
-from urdf import SPRAYER, TAPELAYER
 
 EXAMPLES = {
     "boss_panel_20.txt": "panel with a boss, courses at 20 degrees",
@@ -27,26 +29,6 @@ EXAMPLES = {
     "flat_panel_00.txt": "flat panel, courses at 0 degrees",
     "wing_skin_00.txt": "wing skin, courses at 0 degrees",
     "wing_skin_45.txt": "wing skin, courses at 45 degrees: beyond the travel of c",
-}
-
-
-class BuiltIn(NamedTuple):
-    """A machine that comes along.
-
-    Attributes:
-        title: one line for people.
-        urdf: the file.
-        frame: the frame that the inverse brings to a pose.
-    """
-
-    title: str
-    urdf: Path
-    frame: str
-
-
-MACHINES = {
-    "tapelayer": BuiltIn("ten-axis tape-laying gantry", TAPELAYER, "contact"),
-    "sprayer": BuiltIn("five-axis spray robot", SPRAYER, "P"),
 }
 
 
@@ -92,7 +74,7 @@ class Example(BaseModel):
     """A file to begin with."""
 
     name: str
-    kind: JobKind
+    kind: KindName
     title: str
 
 
@@ -100,6 +82,51 @@ class Examples(BaseModel):
     """Files to begin with."""
 
     examples: list[Example]
+
+
+class WordsTold(BaseModel):
+    """A text in both languages."""
+
+    en: str
+    zh: str
+
+
+class QuantityTold(BaseModel):
+    """A number of the report."""
+
+    key: Annotated[str, Field(description="in the report, with the unit at its end")]
+    words: WordsTold
+    about: Annotated[WordsTold, Field(description="what it means")]
+    unit: str
+    digits: Annotated[int, Field(description="behind the point")]
+    style: Annotated[Style, Field(description="how it is written")]
+    group: Annotated[Group, Field(description="what the program is, or how well it keeps to what was asked")]
+    absent: Annotated[WordsTold, Field(description="why it may have no value")]
+    headline: Annotated[bool, Field(description="whether it stands beside the verdict")]
+    failure: Annotated[str, Field(description="what a failure of it is called")]
+
+
+class StageTold(BaseModel):
+    """A part of a job's work."""
+
+    name: Annotated[str, Field(description="as progress names it")]
+    words: WordsTold
+
+
+class KindTold(BaseModel):
+    """What jobs of a kind report, and what they do one after the other."""
+
+    kind: KindName
+    machine: Annotated[str, Field(description="name of the machine that comes along")]
+    fields: Annotated[list[str], Field(description="fields of a job's form that are this kind's alone")]
+    quantities: Annotated[list[QuantityTold], Field(description="in the order of the report")]
+    stages: list[StageTold]
+
+
+class Kinds(BaseModel):
+    """The kinds of jobs."""
+
+    kinds: list[KindTold]
 
 
 class SetupValues(BaseModel):
@@ -113,7 +140,7 @@ class SetupWanted(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    kind: JobKind
+    kind: KindName
     values: Annotated[Values, Field(description="by section and key; a null is left out")]
 
 
@@ -131,9 +158,9 @@ def list_controllers() -> Controllers:
 def list_machines() -> Machines:
     """List the machines that come along, with their axes."""
     found = []
-    for name, built_in in MACHINES.items():
+    for name, machine in built_in_machines().items():
         axes = [_told(axis) for axis in machine_of(name).axes]
-        found.append(MachineTold(name=name, title=built_in.title, axes=axes, frames=[built_in.frame]))
+        found.append(MachineTold(name=name, title=machine.title, axes=axes, frames=[machine.frame]))
     return Machines(machines=found)
 
 
@@ -144,15 +171,16 @@ def list_machines() -> Machines:
 )
 def machine_urdf(name: str) -> FileResponse:
     """Download the URDF of a machine that comes along."""
-    if name not in MACHINES:
-        raise Problem("not-found", f"there is no machine of that name; there are {', '.join(MACHINES)}")
-    return FileResponse(MACHINES[name].urdf, media_type="application/xml")
+    machines = built_in_machines()
+    if name not in machines:
+        raise Problem("not-found", f"there is no machine of that name; there are {', '.join(machines)}")
+    return FileResponse(machines[name].urdf, media_type="application/xml")
 
 
 @router.get("/examples")
 def list_examples() -> Examples:
     """List files to begin with."""
-    found = [Example(name=name, kind=_kind(name), title=title) for name, title in EXAMPLES.items()]
+    found = [Example(name=name, kind=name_of_source(name), title=title) for name, title in EXAMPLES.items()]
     return Examples(examples=found)
 
 
@@ -166,19 +194,25 @@ def example(name: str) -> FileResponse:
     if name not in EXAMPLES:
         raise Problem("not-found", f"there is no example of that name; there are {', '.join(EXAMPLES)}")
     path = Path(str(resources.files("tapelayer.examples").joinpath(name)))
-    return FileResponse(path, media_type="text/plain" if _kind(name) == "lay" else "model/stl", filename=name)
+    return FileResponse(path, media_type=kind_of(name_of_source(name)).source.media_type, filename=name)
+
+
+@router.get("/quantities")
+def list_quantities() -> Kinds:
+    """List what the jobs of each kind report, with its unit and meaning in both languages, and their stages."""
+    return Kinds(kinds=[_kind_told(name) for name in NAMES])
 
 
 @router.get("/setup-schema")
-def setup_schema(kind: JobKind) -> dict[str, Any]:
+def setup_schema(kind: KindName) -> dict[str, Any]:
     """Show the JSON schema of a setup: every key with its unit in its name, default, limits and description."""
-    return schema_of(MODELS[kind])
+    return schema_of(kind_of(kind).setup)
 
 
 @router.post("/setup/parse", responses=responses("setup-refused", "foreign-origin", "upload-too-large"))
-def parse(kind: JobKind, text: Annotated[bytes, Body(media_type="text/plain")] = b"") -> SetupValues:
+def parse(kind: KindName, text: Annotated[bytes, Body(media_type="text/plain")] = b"") -> SetupValues:
     """Read a setup's TOML: only the keys that it sets."""
-    return SetupValues(values=values_of(text, MODELS[kind]))
+    return SetupValues(values=values_of(text, kind_of(kind).setup))
 
 
 @router.post(
@@ -188,13 +222,19 @@ def parse(kind: JobKind, text: Annotated[bytes, Body(media_type="text/plain")] =
 )
 def format(wanted: SetupWanted) -> Response:
     """Write values as a setup's TOML, which is read back as the same values."""
-    return PlainTextResponse(text_of_values(wanted.values, MODELS[wanted.kind]))
+    return PlainTextResponse(text_of_values(wanted.values, kind_of(wanted.kind).setup))
+
+
+@lru_cache
+def built_in_machines() -> dict[str, BuiltIn]:
+    """The machines that come along, by name."""
+    return {kind.machine.name: kind.machine for kind in kinds()}
 
 
 @lru_cache
 def machine_of(name: str) -> Machine:
     """The machine of that name that comes along."""
-    return Machine.load(MACHINES[name].urdf)
+    return Machine.load(built_in_machines()[name].urdf)
 
 
 def _told(axis: Axis) -> AxisTold:
@@ -204,5 +244,27 @@ def _told(axis: Axis) -> AxisTold:
     return AxisTold(name=axis.name, unit=unit, lower=lower, upper=upper, speed=speed)
 
 
-def _kind(name: str) -> JobKind:
-    return "spray" if name.endswith(".stl") else "lay"
+def _kind_told(name: KindName) -> KindTold:
+    kind = kind_of(name)
+    rows = [
+        QuantityTold(
+            key=row.key,
+            words=_words_told(row.words),
+            about=_words_told(row.about),
+            unit=row.unit,
+            digits=row.digits,
+            style=row.style,
+            group=row.group,
+            absent=_words_told(row.absent),
+            headline=row.headline,
+            failure=row.failure,
+        )
+        for row in quantities(kind.rows)
+    ]
+    stages = [StageTold(name=stage.name, words=_words_told(stage.words)) for stage in kind.making]
+    fields = sorted(kind.source.fields)
+    return KindTold(kind=name, machine=kind.machine.name, fields=fields, quantities=rows, stages=stages)
+
+
+def _words_told(words: Words) -> WordsTold:
+    return WordsTold(en=words.en, zh=words.zh)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, NamedTuple, Protocol, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from fastapi import APIRouter, Depends, Request, Response
@@ -13,11 +13,10 @@ from pydantic_core import PydanticCustomError, to_json
 from starlette.concurrency import run_in_threadpool
 
 from tapelayer.arrays import Floats, Mask
-from tapelayer.machines import gantry, wrist
+from tapelayer.jobs.kind import BuiltIn
 from tapelayer.machines.machine import Machine
-from tapelayer.machines.wrist import AXES
 from tapelayer.units import DEG, MM
-from tapelayer.workbench.catalogue import machine_of
+from tapelayer.workbench.catalogue import built_in_machines, machine_of
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 
 MOST_ROWS = 100_000
@@ -51,8 +50,6 @@ def _once(names: list[str]) -> list[str]:
 
 Once = AfterValidator(_once)
 PLACE = ["x_mm", "y_mm", "z_mm"]
-NORMAL = ["nx", "ny", "nz"]
-TANGENT = ["tx", "ty", "tz"]
 
 
 class _Asked(BaseModel):
@@ -146,45 +143,6 @@ class Placed(BaseModel):
     values: Annotated[list[list[float]], Field(description="of each row: place in the machine's axes, unit vectors")]
 
 
-class _Inverse(Protocol):
-    def __call__(self, machine: Machine, places: Floats, vectors: Sequence[Floats]) -> Floats:
-        """Axis values (2, n, 5) in metres and radians, NaN where there are none.
-
-        Args:
-            machine: whose they are.
-            places: (n, 3) metres in the machine's axes.
-            vectors: unit vectors (n, 3), as many as the chain has.
-        """
-
-
-class _Chain(NamedTuple):
-    """How a machine is solved.
-
-    Attributes:
-        axes: names of the axes that take a pose.
-        vectors: what the columns of a pose's unit vectors are called, each with the frame's axis that it is.
-        inverse: solves poses.
-    """
-
-    axes: tuple[str, ...]
-    vectors: tuple[tuple[list[str], int], ...]
-    inverse: _Inverse
-
-
-def _lay(machine: Machine, places: Floats, vectors: Sequence[Floats]) -> Floats:
-    return gantry.inverse(machine, places, *vectors)
-
-
-def _spray(machine: Machine, places: Floats, vectors: Sequence[Floats]) -> Floats:
-    angles = wrist.inverse(vectors[0])
-    return np.concatenate([np.broadcast_to(places, (len(angles), *places.shape)), angles], axis=2)
-
-
-CHAINS = {
-    "tapelayer": _Chain(gantry.POSE, ((NORMAL, 2), (TANGENT, 0)), _lay),
-    "sprayer": _Chain(AXES, ((NORMAL, 2),), _spray),
-}
-
 POSES: TypeAdapter[Poses] = TypeAdapter(Annotated[Poses, Field(discriminator="machine")])
 JOINTS: TypeAdapter[Joints] = TypeAdapter(Annotated[Joints, Field(discriminator="machine")])
 
@@ -226,7 +184,7 @@ async def _asked(request: Request, models: TypeAdapter[Model]) -> Model:
     except ValidationError as error:
         faults = []
         for fault in error.errors(include_url=False):
-            place = fault["loc"][1:] if fault["loc"][:1] in [(name,) for name in CHAINS] else fault["loc"]
+            place = fault["loc"][1:] if fault["loc"][:1] in [(name,) for name in built_in_machines()] else fault["loc"]
             faults.append({**fault, "loc": ("body", *place)})
         raise RequestValidationError(faults) from None
 
@@ -237,10 +195,10 @@ def inverse(asked: Annotated[Poses, Depends(poses_asked)]) -> Response:
 
     Both branches of each pose, the turns of an axis chosen so that it is nearest to the middle of its travel.
     """
-    chain, machine = CHAINS[asked.machine], machine_of(asked.machine)
-    poses = _values(asked, [*PLACE, *(name for vector, _ in chain.vectors for name in vector)])
+    chain, machine = built_in_machines()[asked.machine], machine_of(asked.machine)
+    poses = _values(asked, [*PLACE, *_vector_columns(chain)])
     vectors = [_units(poses[:, first : first + 3]) for first in range(3, poses.shape[1], 3)]
-    joints = chain.inverse(machine, poses[:, :3] * MM, vectors)
+    joints = chain.inverse(machine, poses[:, :3] * MM, *vectors)
     axes = [machine.axis(name) for name in chain.axes]
     for column, axis in enumerate(axes):
         if axis.revolute:
@@ -260,13 +218,13 @@ def forward(asked: Annotated[Joints, Depends(joints_asked)]) -> Response:
     The tape layer's place and vectors are those of the roller's nose, which is where the surface is, but where that
     climbs along the course: there it meets the round roller elsewhere, and the axis values are the same.
     """
-    chain, machine = CHAINS[asked.machine], machine_of(asked.machine)
+    chain, machine = built_in_machines()[asked.machine], machine_of(asked.machine)
     values = _values(asked, _columns(machine, chain.axes)) * _scales(machine, chain.axes)
     joints = np.zeros((len(values), len(machine.axes)))
     joints[:, [machine.column(name) for name in chain.axes]] = values
     frames = machine.forward(joints, asked.frame)
-    rows = np.hstack([frames[:, :3, 3] / MM, *(frames[:, :3, axis] for _, axis in chain.vectors)])
-    return _answer(asked, [*PLACE, *(name for vector, _ in chain.vectors for name in vector)], values=rows.tolist())
+    rows = np.hstack([frames[:, :3, 3] / MM, *(frames[:, :3, axis] for axis in chain.vectors.values())])
+    return _answer(asked, [*PLACE, *_vector_columns(chain)], values=rows.tolist())
 
 
 def _values(asked: Poses | Joints, columns: Sequence[str]) -> Floats:
@@ -274,6 +232,11 @@ def _values(asked: Poses | Joints, columns: Sequence[str]) -> Floats:
     values = np.array(asked.values, dtype=np.float64).reshape(-1, len(columns))
     names: list[str] = [*asked.axes]
     return values[:, [names.index(name) for name in columns]]
+
+
+def _vector_columns(chain: BuiltIn) -> list[str]:
+    """Columns of a pose's unit vectors."""
+    return [f"{vector}{axis}" for vector in chain.vectors for axis in "xyz"]
 
 
 def _units(vectors: Floats) -> Floats:

@@ -15,11 +15,9 @@ from defusedxml import DefusedXmlException
 
 from post import controllers
 from tapelayer.geometry.mesh import Unit
-from tapelayer.jobs.kinds import MODELS, JobKind
-from tapelayer.laying.settings import Setup
+from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds
 from tapelayer.setups.forms import text_of
 from tapelayer.setups.sections import parse_setup
-from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench.problems import Problem
 from tapelayer.workbench.uploads import Form, Sort, invalid, shown
 
@@ -42,7 +40,6 @@ VERIFY_FIELDS: dict[str, Sort] = {
     "force": "text",
     "parts": "files",
 }
-MACHINES: dict[JobKind, str] = {"lay": "tapelayer", "spray": "sprayer"}
 
 LARGEST_URDF = 10 * 2**20
 
@@ -59,8 +56,7 @@ def job_request(form: Form, folder: Path) -> dict[str, Any]:
         SetupRefused: the setup has faults.
     """
     request = _request(form, folder)
-    if "mould" in form.names and request["kind"] != "lay":
-        raise invalid("mould: a mould belongs to kind lay; leave it out")
+    _check_field("mould", "a mould", form.names, request["kind"])
     return {**request, "mould": form.names.get("mould", ""), "program_name": f"{Path(request['name']).stem}.nc"}
 
 
@@ -92,9 +88,8 @@ def _request(form: Form, folder: Path) -> dict[str, Any]:
     """What both forms ask for, with the source and the setup where the worker looks for them."""
     if "file" not in form.names:
         raise invalid("file: is missing; send the course file or the STL as a file")
-    kind = cast(JobKind, _chosen(form, "kind", get_args(JobKind), ""))
-    if "unit" in form.texts and kind != "spray":
-        raise invalid("unit: a unit belongs to kind spray, course files are in mm; leave it out")
+    kind = cast(KindName, _chosen(form, "kind", NAMES, ""))
+    _check_field("unit", "a unit", form.texts, kind)
     unit = _chosen(form, "unit", get_args(Unit), "mm")
     _check_parts(form.files)
     (folder / "setup.toml").write_text(_setup(form, kind), encoding="utf-8")
@@ -102,17 +97,28 @@ def _request(form: Form, folder: Path) -> dict[str, Any]:
     return {"kind": kind, "name": form.names["file"], "unit": unit, "parts": sorted(form.files)}
 
 
-def _setup(form: Form, kind: JobKind) -> str:
+def _check_field(field: str, what: str, given: Collection[str], name: KindName) -> None:
+    """Refuse a field that belongs to jobs of another kind."""
+    if field in given and field not in kind_of(name).source.fields:
+        owners = " or ".join(other for other in NAMES if field in kind_of(other).source.fields)
+        hint = ", course files are in mm" if field == "unit" else ""
+        raise invalid(f"{field}: {what} belongs to kind {owners}{hint}; leave it out")
+
+
+def _setup(form: Form, name: KindName) -> str:
     """The setup of the job as TOML: the control that the form names is in it, and the built-in machine is not named."""
-    data, name = bytes(form.texts.get("setup", b"")), form.names.get("setup", "setup")
-    setup = cast(Setup | SpraySetup, parse_setup(data, name, MODELS[kind]))
+    kind = kind_of(name)
+    data, file = bytes(form.texts.get("setup", b"")), form.names.get("setup", "setup")
+    setup = parse_setup(data, file, kind.setup)
     if controller := form.text("controller", ""):
         setup = setup.with_values("output", controller=controller)
     _check_name("[output] controller", setup.output.controller, controllers.names(), form.files)
-    if isinstance(setup, SpraySetup) and setup.footprint.profile is not None:
-        _check_name("[footprint] profile", setup.footprint.profile, (), form.files)
+    built_in = {("machine", "urdf"): (kind.machine.name,)}
+    for section, key in reversed(setup.FILES):
+        value = getattr(getattr(setup, section), key)
+        if value is not None:
+            _check_name(f"[{section}] {key}", value, built_in.get((section, key), ()), form.files)
     if (urdf := setup.machine.urdf) is not None:
-        _check_name("[machine] urdf", urdf, (MACHINES[kind],), form.files)
         if urdf in form.files:
             _check_urdf(form.files[urdf], urdf, form.files)
         else:
@@ -122,7 +128,7 @@ def _setup(form: Form, kind: JobKind) -> str:
 
 def _check_parts(parts: Collection[str]) -> None:
     for name in parts:
-        if name in (*controllers.names(), *MACHINES.values()):
+        if name in (*controllers.names(), *(kind.machine.name for kind in kinds())):
             raise Problem("name-not-allowed", f"parts: {name} is the name of a built-in; rename the file")
 
 

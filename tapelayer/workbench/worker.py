@@ -26,50 +26,17 @@ from typing import Any
 from tapelayer.atomic_files import write_files
 from tapelayer.errors import TapelayerError
 from tapelayer.geometry.stl import parse_mesh
-from tapelayer.laying.job import Job, Made
-from tapelayer.laying.settings import Setup
+from tapelayer.jobs.job import JobResult, MachineJob
+from tapelayer.jobs.kind import JobKind
+from tapelayer.jobs.kinds import kind_of, kinds
+from tapelayer.jobs.stages import READING, SAVING, Weights
 from tapelayer.setups.sections import parse_setup
-from tapelayer.spraying.job import SprayJob, SprayMade
-from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench import problems, scene
 from tapelayer.workbench.problems import Problem
 
 Say = Callable[[Mapping[str, Any]], None]
 
 LINE_SECONDS = 0.05  # at least, between two lines about the same stage
-# About the time that each stage takes of a job, by its machine and whether a given program is judged, in its order.
-WEIGHTS = {
-    ("lay", False): {
-        "reading": 4,
-        "planning": 25,
-        "verifying the plan": 13,
-        "writing": 2,
-        "reading back": 2,
-        "verifying": 12,
-        "saving": 42,
-    },
-    ("spray", False): {
-        "reading": 1,
-        "slicing": 3,
-        "planning": 20,
-        "verifying the plan": 4,
-        "writing": 1,
-        "reading back": 1,
-        "verifying": 4,
-        "measuring the coat": 36,
-        "saving": 30,
-    },
-    ("lay", True): {"reading": 20, "reading back": 20, "verifying": 50, "saving": 10},
-    ("spray", True): {
-        "reading": 2,
-        "reading back": 2,
-        "slicing": 3,
-        "planning": 30,
-        "verifying": 6,
-        "measuring the coat": 50,
-        "saving": 7,
-    },
-}
 
 
 class Stages:
@@ -80,13 +47,13 @@ class Stages:
         weights: of the stages of the job, in their order.
     """
 
-    def __init__(self, say: Say, weights: Mapping[str, float]) -> None:
+    def __init__(self, say: Say, weights: Weights) -> None:
         self._say = say
         whole = sum(weights.values())
         ends = accumulate(weights.values())
         # Where each stage begins, and its share.
         self._spans = {
-            stage: ((end - weight) / whole, weight / whole)
+            stage.name: ((end - weight) / whole, weight / whole)
             for (stage, weight), end in zip(weights.items(), ends, strict=True)
         }
         self._stage, self._ticks, self._done, self._said_at = "", 1, 0, 0.0
@@ -116,34 +83,36 @@ def carry_out(folder: Path, say: Say) -> dict[str, Any]:
     """
     request = json.loads((folder / "request.json").read_bytes())
     verifying = request["kind"] == "verify"
-    kind = request["of"] if verifying else request["kind"]
-    stages = Stages(say, WEIGHTS[kind, verifying])
+    kind = kind_of(request["of"] if verifying else request["kind"])
+    stages = Stages(say, kind.judging if verifying else kind.making)
     # A setup names the files that came with the job as they stand there.
     parts = folder / "parts"
     parts.mkdir(exist_ok=True)
     os.chdir(parts)
-    stages.begin("reading")
-    job = _job(folder, kind, request)
+    stages.begin(READING.name)
+    setup = parse_setup((folder / "setup.toml").read_bytes(), "setup.toml", kind.setup)
+    job = kind.job((folder / "source").read_bytes(), request["name"], setup, request.get("unit", "mm"))
     mould = folder / "mould"
     on = parse_mesh(mould.read_bytes(), "mould") if mould.exists() else None
     name = request["program_name"]
     if verifying:
-        made = job.examine((folder / "program").read_bytes(), name, request["force"], stages)
+        result = job.judge((folder / "program").read_bytes(), name, request["force"], stages)
     else:
-        made = job.make(name, stages)
-    stages.begin("saving")
-    report = made.report()
+        result = job.make(name, stages)
+    stages.begin(SAVING.name)
+    report = result.report()
     contents = {
         "report.json": (json.dumps(report, indent=2, allow_nan=False) + "\n").encode(),
-        "report.html": made.page(name).encode(),
+        "report.html": result.page(name).encode(),
     }
     if not verifying:
-        contents |= scene.files(made, made.job, on) | _results(folder, made)
+        drawn = scene.files(kind.scene(result, on), result.trajectory, job.machine)
+        contents |= drawn | _results(folder, job, result)
     _save(folder / "out", contents)
-    summary = _summary(made, report)
+    summary = _summary(kind, job, result, report)
     # Who asks for a verdict gets one, good or bad; who asks for a program gets a good one or none.
-    if made.failure and not verifying:
-        return _failed(problems.of_error(made.failure), summary)
+    if result.failure and not verifying:
+        return _failed(problems.of_error(result.failure), summary)
     return {"state": "done", "summary": summary, "error": None}
 
 
@@ -168,6 +137,7 @@ def answer(folder: Path, say: Say) -> dict[str, Any]:
 def main() -> None:
     """Read the order, do the job, say how it goes, and end."""
     say = _speaker()
+    kinds()
     say({"ready": True})
     line = sys.stdin.buffer.readline()
     if not line:
@@ -180,23 +150,15 @@ def main() -> None:
     os._exit(0)
 
 
-def _job(folder: Path, kind: str, request: Mapping[str, Any]) -> Job | SprayJob:
-    data, setup = (folder / "source").read_bytes(), (folder / "setup.toml").read_bytes()
-    if kind == "lay":
-        return Job.of(data, request["name"], parse_setup(setup, "setup.toml", Setup))
-    return SprayJob.of(data, request["name"], parse_setup(setup, "setup.toml", SpraySetup), request["unit"])
-
-
-def _results(folder: Path, made: Made | SprayMade) -> dict[str, bytes]:
+def _results(folder: Path, job: MachineJob[Any, Any], result: JobResult[Any]) -> dict[str, bytes]:
     """Files by name of what was made: the program only where it may be used."""
     contents = {
         "setup.toml": (folder / "setup.toml").read_bytes(),
-        "machine.urdf": made.job.machine.path.read_bytes(),
+        "machine.urdf": job.machine.path.read_bytes(),
+        **result.files(),
     }
-    if isinstance(made, SprayMade):
-        contents["trajectory.txt"] = made.poses()
-    if not made.failure:
-        contents["program.nc"] = made.text
+    if not result.failure:
+        contents["program.nc"] = result.text
     return contents
 
 
@@ -207,15 +169,16 @@ def _save(folder: Path, contents: Mapping[str, bytes]) -> None:
     write_files({Path(name): data for name, data in contents.items()})
 
 
-def _summary(made: Made | SprayMade, report: Mapping[str, Any]) -> dict[str, Any]:
-    counted = "passes" if isinstance(made, SprayMade) else "courses"
-    kept = ("blocks", counted, "duration_s", "program_sha256", "passed", "max_position_error_mm")
+def _summary(
+    kind: JobKind, job: MachineJob[Any, Any], result: JobResult[Any], report: Mapping[str, Any]
+) -> dict[str, Any]:
+    kept = ("blocks", kind.parts, "duration_s", "program_sha256", "passed", "max_position_error_mm")
     return {
         **{key: report[key] for key in kept},
         "failures": len(report["failures"]),
-        "controller": made.job.setup.output.controller,
-        "bytes": len(made.text),
-        "remarks": list(made.remarks),
+        "controller": job.setup.output.controller,
+        "bytes": len(result.text),
+        "remarks": list(result.remarks),
     }
 
 

@@ -503,9 +503,9 @@ def test_only_upright_planes_are_seen_from_above():
 def test_areas_add_up_to_the_whole(name):
     mesh = part(name)
     areas = envelope.areas_from_above(mesh, 0.4, 0.01, 0.02)
-    assert areas.seen + areas.facing + areas.hidden == pytest.approx(float(np.sum(mesh.areas)), rel=1e-12)
+    assert areas.seen + areas.too_steep + areas.hidden == pytest.approx(float(np.sum(mesh.areas)), rel=1e-12)
     steep = np.abs(mesh.normals[:, 2]) < 0.02
-    assert areas.facing == pytest.approx(float(np.sum(mesh.areas[steep])), rel=1e-12)
+    assert areas.too_steep == pytest.approx(float(np.sum(mesh.areas[steep])), rel=1e-12)
     assert areas.hidden >= 0
 
 
@@ -523,7 +523,7 @@ def test_a_box_hides_the_plate_below_it(travel):
     mesh = from_triangles(np.concatenate([plate, box([2, 3, 1], [4, 8, 2])]))
     areas = envelope.areas_from_above(mesh, travel, 0.01, 0.02)
     assert areas.seen == pytest.approx(100, rel=2e-3)
-    assert areas.facing == pytest.approx(2 * (2 + 5), rel=1e-12)
+    assert areas.too_steep == pytest.approx(2 * (2 + 5), rel=1e-12)
     assert areas.hidden == pytest.approx(20, rel=1e-2)
 
 

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from tapelayer.laying.evidence import CutMade, Evidence, LedgerRow, Samples, TapeLedger
+from tapelayer.laying.limits import limits_of
+from tapelayer.laying.quantities import ROWS
+from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Kind, Trajectory
+from tapelayer.reporting.quantity import numbers
 from tapelayer.verification.axis_use import AxisUse
 
 SHA256 = "0123456789abcdef" * 4
@@ -97,6 +102,7 @@ def evidence(**changes: object) -> Evidence:
         least_link_clearance=0.048,
         forward_disagreement=2e-16,
         axes=axes(),
+        limits=limits_of(Setup()),
         samples=samples(),
         tape_width=0.075,
         roller_radius=0.04,
@@ -104,6 +110,12 @@ def evidence(**changes: object) -> Evidence:
         failures=(),
     )
     return replace(found, **changes)  # type: ignore[arg-type]
+
+
+def numbers_of(evidence: Evidence) -> dict[str, Any]:
+    """The report on a program with this hash."""
+    named = replace(evidence, program_sha256=SHA256)
+    return numbers(ROWS, named, named)
 
 
 def trajectory(n: int = 5) -> Trajectory:

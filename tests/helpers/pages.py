@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
 
 from tapelayer.arrays import Floats
-from tapelayer.laying import report
 from tapelayer.laying.evidence import Evidence
+from tapelayer.laying.limits import limits_of
 from tapelayer.laying.page import html
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Trajectory
-from tests.helpers.judged import SHA256, trajectory
+from tests.helpers.judged import numbers_of, trajectory
 
 VOID = {"meta", "link", "br", "hr", "img", "input"}
 
 
 def page(found: Evidence, title: str = "panel.nc", moves: Trajectory | None = None, setup: Setup | None = None) -> str:
-    numbers = report.numbers(found, SHA256)
-    return html(found, moves or trajectory(), numbers, setup or Setup(), title)
+    judged = found if setup is None else replace(found, limits=limits_of(setup))
+    return html(judged, moves or trajectory(), numbers_of(judged), setup or Setup(), title)
 
 
 class Elements(HTMLParser):

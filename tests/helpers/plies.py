@@ -10,12 +10,14 @@ import numpy as np
 
 from post.controllers import Controller, load
 from tapelayer.courses.course import Course
+from tapelayer.jobs.job import machine_of
 from tapelayer.laying.evidence import Evidence
-from tapelayer.laying.job import Job, machine_of
+from tapelayer.laying.job import Job
 from tapelayer.laying.settings import Setup
 from tapelayer.provenance import Provenance
 from tapelayer.units import DEG, MM
 from tests.helpers.surfaces import helix, setup_of
+from urdf import TAPELAYER
 
 T = TypeVar("T")
 
@@ -28,13 +30,13 @@ limits_deg = {c = [-720, 720], a = [-180, 180]}
 
 def job_of(courses: tuple[Course, ...], setup: Setup, controller: Controller = CONTROLLER) -> Job:
     """Job of courses that stand in no file."""
-    return Job(courses, setup, machine_of(setup), controller, Provenance("ply", "0" * 64, "0" * 64, "0"))
+    return Job(setup, machine_of(setup, TAPELAYER), controller, Provenance("ply", "0" * 64, "0" * 64, "0"), courses)
 
 
 def exported(job: Job) -> tuple[bytes, Evidence]:
     """NC text, and what it was judged by after it was read back."""
     text = job.text(job.plan())
-    return text, job.inspector.examine(job.read_back(text, "ply.nc").trajectory, job.resolution)
+    return text, job.inspector(None).examine(job.read_back(text, "ply.nc").trajectory, job.resolution)
 
 
 def cut_at(courses: tuple[Course, ...], *angles: float) -> tuple[Course, ...]:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tapelayer.errors import ProgramOfOtherSetup
-from tapelayer.laying.job import Job, Made
+from tapelayer.laying.job import Job, LayingResult
 from tapelayer.laying.settings import Setup
-from tapelayer.spraying.job import SprayJob, SprayMade
+from tapelayer.spraying.job import SprayJob, SprayResult
 from tapelayer.spraying.settings import SpraySetup
 from tests.helpers.panels import flat, sheet, write_stl
 from tests.helpers.paths import EXAMPLES
@@ -46,19 +46,19 @@ def limited(**limits: float) -> Setup:
 
 
 @pytest.fixture(scope="module")
-def laid() -> Made:
+def laid() -> LayingResult:
     return Job.read(COURSES, Setup()).make("panel.nc")
 
 
-def test_a_program_is_what_its_steps_make(laid: Made) -> None:
+def test_a_program_is_what_its_steps_make(laid: LayingResult) -> None:
     job = Job.of(COURSES.read_bytes(), f"elsewhere/{COURSES.name}", Setup())
     text = job.text(job.plan())
     assert laid.text == text
-    judged = job.judge(job.read_back(text, "panel.nc").trajectory)
+    judged = job.verify(job.read_back(text, "panel.nc").trajectory)
     assert laid.failure is None
     assert laid.evidence.failures == judged.evidence.failures == ()
     assert laid.report()["program_sha256"] == hashlib.sha256(text).hexdigest()
-    assert laid.report() == job.examine(text, "panel.nc").report()
+    assert laid.report() == job.judge(text, "panel.nc").report()
 
 
 @pytest.mark.parametrize("kind", ["lay", "spray"])
@@ -84,7 +84,7 @@ def test_a_plan_that_fails_has_no_text() -> None:
     assert "FAILED" in made.page("panel.nc")
 
 
-def test_a_text_that_fails_keeps_its_bytes(laid: Made) -> None:
+def test_a_text_that_fails_keeps_its_bytes(laid: LayingResult) -> None:
     tilts = [max(abs(found.tilts)) for found in (laid.job.plan().evidence.samples, laid.evidence.samples)]
     assert tilts[0] < tilts[1], "words are rounded, so the text is further off than the plan"
     made = Job.read(COURSES, limited(max_roller_tilt_deg=float(sum(tilts)) / 2 * 57.29577951)).make("panel.nc")
@@ -95,9 +95,9 @@ def test_a_text_that_fails_keeps_its_bytes(laid: Made) -> None:
 
 
 @pytest.mark.parametrize("kind", ["lay", "spray"])
-def test_a_program_of_another_setup_is_judged_only_by_force(kind: str, plate: Path, laid: Made) -> None:
+def test_a_program_of_another_setup_is_judged_only_by_force(kind: str, plate: Path, laid: LayingResult) -> None:
     if kind == "lay":
-        made: Made | SprayMade = laid
+        made: LayingResult | SprayResult = laid
         other: Job | SprayJob = Job.read(COURSES, limited(max_tape_error_mm=0.06))
     else:
         made = SprayJob.read(plate, SpraySetup()).make("plate.nc")
@@ -105,15 +105,15 @@ def test_a_program_of_another_setup_is_judged_only_by_force(kind: str, plate: Pa
     with pytest.raises(
         ProgramOfOtherSetup, match=r"^p\.nc: its header names the setup [0-9a-f]{12}\.\.\., this one is"
     ):
-        other.examine(made.text, "p.nc")
-    assert other.examine(made.text, "p.nc", force=True).failure is None
+        other.judge(made.text, "p.nc")
+    assert other.judge(made.text, "p.nc", force=True).failure is None
 
 
-def test_a_program_of_another_file_is_remarked_on(laid: Made) -> None:
+def test_a_program_of_another_file_is_remarked_on(laid: LayingResult) -> None:
     other = Job.of(COURSES.read_bytes() + b"\n", COURSES.name, Setup())
-    made = other.examine(laid.text, "p.nc")
+    made = other.judge(laid.text, "p.nc")
     assert made.remarks == ("p.nc: its header names another course file than cylinder_panel_15.txt",)
-    assert laid.job.examine(laid.text, "p.nc").remarks == ()
+    assert laid.job.judge(laid.text, "p.nc").remarks == ()
 
 
 def test_spraying_by_bytes_is_spraying_by_path(plate: Path) -> None:

@@ -13,11 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tapelayer.arrays import Floats
-from tapelayer.laying import report
 from tapelayer.laying.evidence import LedgerRow, Samples, TapeLedger
+from tapelayer.laying.limits import limits_of
 from tapelayer.laying.settings import Setup
 from tapelayer.laying.tape_view import tape_view
-from tests.helpers.judged import SHA256, cut, evidence, ledger, worn
+from tests.helpers.judged import cut, evidence, ledger, numbers_of, worn
 from tests.helpers.pages import Elements, page
 
 HATCH = 6.0
@@ -41,7 +41,8 @@ class Strip:
 
 def drawn(tape: TapeLedger, setup: Setup | None = None) -> str:
     found = evidence(tape=tape)
-    nodes = tape_view(found, report.numbers(found, SHA256), setup or Setup())
+    judged = replace(found, limits=limits_of(setup or Setup()))
+    nodes = tape_view(judged, numbers_of(judged))
     return "".join(tostring(node, encoding="unicode", method="html") for node in nodes)
 
 

@@ -23,7 +23,7 @@ from tapelayer.spraying.inspection import SprayInspector
 from tapelayer.spraying.pass_planning import plan_passes
 from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.program import Spraying, spray
-from tapelayer.spraying.reach import mesh_in_machine, placement
+from tapelayer.spraying.reach import placement
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import DEG, MM
 from tests.helpers.panels import flat, mesh_of, sheet
@@ -49,7 +49,7 @@ def planned(name: str, text: str = "") -> tuple[SprayInspector, Spraying, Plan, 
     setup = parse_setup(text.encode(), "job.toml", SpraySetup)
     machine = MACHINE.with_limits(setup.machine.travel(), setup.machine.speeds())
     mesh = mesh_of(triangles_of(name))
-    mesh = mesh_in_machine(mesh, *placement(mesh, setup, machine))
+    mesh = mesh.moved(*placement(mesh, setup, machine))
     assert setup.spray.pitch_mm != "auto"
     plan = plan_passes(mesh, setup, machine, setup.spray.pitch_mm * MM)
     spraying = spray(plan.passes, setup, machine, float(mesh.vertices[:, 2].max()))
@@ -250,7 +250,7 @@ def test_the_arc_beside_the_part_is_found() -> None:
     """The same program is judged by a part that is 100 mm shorter."""
     inspector, spraying, plan, mesh, setup = planned("plate")
     short = mesh_of(sheet(np.linspace(0, 200, 5), [0, 50, 100], flat))
-    short = mesh_in_machine(short, np.eye(3), mesh.vertices.min(axis=0))
+    short = short.moved(np.eye(3), mesh.vertices.min(axis=0))
     nowhere = [replace(found, facets=np.full(len(found.facets), -1)) for found in plan.passes]
     judge = SprayInspector(nowhere, (), short, setup, MACHINE)
     (failure,) = judge.examine(spraying.trajectory).failures

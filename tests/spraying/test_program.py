@@ -21,7 +21,7 @@ from tapelayer.setups.sections import parse_setup
 from tapelayer.spraying.pass_planning import plan_passes
 from tapelayer.spraying.passes import NO_FACET, Pass, Plan, Reason
 from tapelayer.spraying.program import Spraying, spray
-from tapelayer.spraying.reach import Segments, mesh_in_machine, placement
+from tapelayer.spraying.reach import Segments, placement
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.spraying.steep_sides import flank_heights, on_steep_sides
 from tapelayer.units import DEG, MM
@@ -42,7 +42,7 @@ def machine_of(setup: SpraySetup) -> Machine:
 
 def placed_mesh(triangles: Floats, setup: SpraySetup) -> Mesh:
     mesh = mesh_of(triangles)
-    return mesh_in_machine(mesh, *placement(mesh, setup, machine_of(setup)))
+    return mesh.moved(*placement(mesh, setup, machine_of(setup)))
 
 
 def planned(triangles: Floats, text: str = "") -> tuple[Plan, Mesh, SpraySetup]:
@@ -72,7 +72,7 @@ def events(spraying: Spraying) -> list[Event]:
 def test_the_part_is_centred_with_its_lowest_point_at_zero(rotation: float) -> None:
     mesh = mesh_of(roof(60) + [1234.0, -777.0, 55.0])
     setup = setup_of(f"[part]\nrotation_deg = {rotation}")
-    found = mesh_in_machine(mesh, *placement(mesh, setup, MACHINE)).vertices
+    found = mesh.moved(*placement(mesh, setup, MACHINE)).vertices
     low, high = found.min(axis=0), found.max(axis=0)
     np.testing.assert_allclose((low + high)[:2] / 2, [1.25, 1.0], atol=1e-12)
     assert abs(low[2]) <= 1e-12
@@ -102,7 +102,7 @@ def test_a_plate_has_passes_the_pitch_apart_with_overruns() -> None:
         np.testing.assert_allclose(np.diff(path.arc_lengths), np.linalg.norm(np.diff(path.points, axis=0), axis=1))
         assert found.facets[0] == found.facets[-1] == NO_FACET
         np.testing.assert_allclose(found.bounds[[0, 1, -2, -1]], [0.0, 0.03, 0.33, 0.36], atol=1e-12)
-    assert (plan.facing, plan.hidden, plan.travel) == (0.0, 0.0, 0.0)
+    assert (plan.too_steep, plan.hidden, plan.beyond_travel) == (0.0, 0.0, 0.0)
     assert plan.sprayed == pytest.approx(0.3 * 0.205, rel=1e-9)
 
 
@@ -175,7 +175,7 @@ def test_backwards_is_the_same_way() -> None:
 
 def test_what_is_beyond_the_travel_is_cut_out_and_measured() -> None:
     plan, _, _ = planned(PLATE, "[part]\nx_mm = -100\ny_mm = 500\nz_mm = 10")
-    assert plan.travel == pytest.approx(0.1 * 0.205, rel=1e-7)
+    assert plan.beyond_travel == pytest.approx(0.1 * 0.205, rel=1e-7)
     assert plan.sprayed == pytest.approx(0.2 * 0.205, rel=1e-7)
     for found in plan.passes:
         assert np.min(found.path.points[:, 0]) == 0.0
@@ -186,7 +186,7 @@ def test_what_is_beyond_the_travel_is_cut_out_and_measured() -> None:
 def test_a_wrist_that_does_not_tilt_far_enough_leaves_out_steep_facets() -> None:
     text = "[machine]\nlimits_deg = {phi = [0, 20]}\n"
     plan, _, _ = planned(sheet([0, 100, 200, 300], [0, 30], lambda x, y: np.where(x <= 200, 0, x - 200) + 0 * y), text)
-    assert plan.travel == pytest.approx(0.1 * math.sqrt(2) * 0.03, rel=1e-9)
+    assert plan.beyond_travel == pytest.approx(0.1 * math.sqrt(2) * 0.03, rel=1e-9)
     assert plan.sprayed == pytest.approx(0.2 * 0.03, rel=1e-9)
 
 
@@ -318,13 +318,13 @@ def in_part(passes: Sequence[Pass], mesh: Mesh, spraying: Spraying) -> Floats:
 def test_real_parts_keep_the_gun_within_its_limit(shared: Path, name: str) -> None:
     setup = setup_of("[spray]\npitch_mm = 100\ndirection_deg = 30\nmax_gap_mm = 60")
     mesh = read_mesh(shared / "geometry" / f"{name}.stl", spot=0.06)
-    mesh = mesh_in_machine(mesh, *placement(mesh, setup, MACHINE))
+    mesh = mesh.moved(*placement(mesh, setup, MACHINE))
     plan = plan_passes(mesh, setup, MACHINE, 0.1)
     spraying = spray(plan.passes, setup, MACHINE, float(mesh.vertices[:, 2].max()))
     assert np.max(in_part(plan.passes, mesh, spraying)) <= 15 * DEG
     if name == "drivaer_hood":
         assert spraying.splits == ()
-    assert plan.sprayed == pytest.approx(np.sum(mesh.areas) - plan.facing - plan.hidden, rel=1e-9)
+    assert plan.sprayed == pytest.approx(np.sum(mesh.areas) - plan.too_steep - plan.hidden, rel=1e-9)
 
 
 def dome(radius: float, slope: float) -> Floats:

@@ -15,7 +15,7 @@ from post import controllers
 from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import SetupRefused
 from tapelayer.geometry.stl import parse_mesh
-from tapelayer.jobs.kinds import MODELS, JobKind
+from tapelayer.jobs.kinds import NAMES, KindName, kind_of
 from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
 from tapelayer.setups.forms import text_of, text_of_values, values_of
@@ -90,9 +90,9 @@ def test_the_model_to_spray_is_its_formula_and_can_be_sprayed() -> None:
 
 
 @pytest.mark.parametrize("kind", ["lay", "spray"])
-def test_the_schema_describes_every_key(kind: JobKind) -> None:
+def test_the_schema_describes_every_key(kind: KindName) -> None:
     schema = CLIENT.get("/setup-schema", params={"kind": kind}).json()
-    for section, field in MODELS[kind].model_fields.items():
+    for section, field in kind_of(kind).setup.model_fields.items():
         model = schema["$defs"][schema["properties"][section]["$ref"].rpartition("/")[2]]
         keys = field.annotation.model_fields  # type: ignore[union-attr]
         assert list(model["properties"]) == list(keys)
@@ -113,7 +113,7 @@ def test_only_the_keys_that_are_set_are_parsed() -> None:
     }
 
 
-@pytest.mark.parametrize("kind", MODELS)
+@pytest.mark.parametrize("kind", NAMES)
 def test_an_empty_setup_sets_nothing(kind: str) -> None:
     response = CLIENT.post(f"/setup/parse?kind={kind}", content=b"", headers={"Content-Type": "text/plain"})
     assert (response.status_code, response.json()) == (200, {"values": {}})
@@ -160,9 +160,9 @@ def test_values_become_toml() -> None:
 
 def test_what_no_file_may_hold_is_refused() -> None:
     with pytest.raises(SetupRefused, match="setup.toml: byte 21 is not UTF-8"):
-        text_of_values({"machine": {"limits_mm": {"\ud800": [1, 2]}}}, MODELS["lay"])
+        text_of_values({"machine": {"limits_mm": {"\ud800": [1, 2]}}}, kind_of("lay").setup)
     with pytest.raises(SetupRefused, match="setup.toml:2: the line has 101. characters, expected at most 1000"):
-        text_of_values({"output": {"controller": "n" * 1000}}, MODELS["lay"])
+        text_of_values({"output": {"controller": "n" * 1000}}, kind_of("lay").setup)
 
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=8)
@@ -204,12 +204,12 @@ def set_only(given: dict[str, Any]) -> dict[str, Any]:
 
 @settings(max_examples=150)
 @given(st.tuples(st.just("lay"), LAY) | st.tuples(st.just("spray"), SPRAY))
-def test_text_of_values_is_read_back_as_the_same_values(case: tuple[JobKind, dict[str, Any]]) -> None:
+def test_text_of_values_is_read_back_as_the_same_values(case: tuple[KindName, dict[str, Any]]) -> None:
     kind, wanted = case
-    text = text_of_values(wanted, MODELS[kind])
-    assert parse_setup(text.encode(), "setup.toml", MODELS[kind]) == MODELS[kind](**wanted)
-    assert values_of(text.encode(), MODELS[kind]) == set_only(wanted)
-    assert text_of(MODELS[kind](**wanted)) == text
+    text = text_of_values(wanted, kind_of(kind).setup)
+    assert parse_setup(text.encode(), "setup.toml", kind_of(kind).setup) == kind_of(kind).setup(**wanted)
+    assert values_of(text.encode(), kind_of(kind).setup) == set_only(wanted)
+    assert text_of(kind_of(kind).setup(**wanted)) == text
 
 
 @settings(max_examples=60)
@@ -224,7 +224,7 @@ def test_text_of_values_is_read_back_as_the_same_values(case: tuple[JobKind, dic
 )
 def test_any_value_is_taken_or_refused(value: Any, section: str, key: str) -> None:
     try:
-        text = text_of_values({section: {key: value}}, MODELS["lay"])
+        text = text_of_values({section: {key: value}}, kind_of("lay").setup)
     except SetupRefused as error:
         assert error.faults
     else:

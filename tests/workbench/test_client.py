@@ -8,29 +8,22 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any, get_args
 
 import pytest
 
 from post import controllers
-from tapelayer.laying import quantities
-from tapelayer.laying.settings import Setup
-from tapelayer.setups.sections import Section
-from tapelayer.spraying import report
-from tapelayer.spraying.settings import SpraySetup
+from tapelayer.jobs.kinds import NAMES, kind_of
 from tapelayer.workbench.catalogue import EXAMPLES
 from tapelayer.workbench.problems import CODES
 from tapelayer.workbench.store import State
-from tapelayer.workbench.worker import WEIGHTS
 from tests.helpers.paths import ROOT
 
 WORKBENCH = ROOT / "tapelayer" / "workbench"
 CLIENT = WORKBENCH / "client"
 STATIC = WORKBENCH / "static"
-MODELS: dict[str, type[Section]] = {"lay": Setup, "spray": SpraySetup}
 LANGUAGES = ("en", "zh")
-SOURCES = sorted((CLIENT / "src").glob("*.ts"))
+SOURCES = sorted((CLIENT / "src").rglob("*.ts"))
 # A text by its key: t("key"), say(element, "key"), h(..., { t: "key" }); keys made up at run time have other quotes.
 KEY = re.compile(r"""(?:\bt\(|\bsay\([^,()]+,\s*|\bt(?:Title|Label|Placeholder)?:\s*)"([^"]+)"(?=\s*[,)}])""")
 PLACE = re.compile(r"\{(\w+)\}")
@@ -44,7 +37,7 @@ def texts(language: str) -> dict[str, str]:
 
 def fields(kind: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Section, key and schema of every field of a setup, references resolved."""
-    schema = MODELS[kind].model_json_schema()
+    schema = kind_of(kind).setup.model_json_schema()
 
     def resolved(value: dict[str, Any]) -> dict[str, Any]:
         return schema["$defs"][value["$ref"].rsplit("/", 1)[1]] | value if "$ref" in value else value
@@ -69,7 +62,7 @@ def test_no_key_is_there_twice() -> None:
         assert sorted(keys) == sorted(set(keys))
 
 
-@pytest.mark.parametrize("kind", MODELS)
+@pytest.mark.parametrize("kind", NAMES)
 def test_every_field_has_a_name_and_a_description(kind: str) -> None:
     english = texts("en")
     for section, key, schema in fields(kind):
@@ -84,7 +77,7 @@ def test_every_field_has_a_name_and_a_description(kind: str) -> None:
 
 
 def test_no_field_is_described_that_is_not_there() -> None:
-    there = {f"setup.{kind}.{section}.{key}" for kind in MODELS for section, key, _ in fields(kind)}
+    there = {f"setup.{kind}.{section}.{key}" for kind in NAMES for section, key, _ in fields(kind)}
     described = {
         key.removesuffix(".about") for key in texts("en") if re.fullmatch(r"setup\.(lay|spray)\.\w+\.\w+.*", key)
     }
@@ -109,10 +102,9 @@ def test_every_controller_has_the_title_of_its_table() -> None:
     assert {name: english.get(f"controller.{name}") for name in titles} == titles
 
 
-def test_every_stage_and_state_has_a_text() -> None:
+def test_every_state_has_a_text() -> None:
     english = texts("en")
-    names = {f"stage.{stage}" for weights in WEIGHTS.values() for stage in weights}
-    names |= {f"state.{state}" for state in get_args(State)}
+    names = {f"state.{state}" for state in get_args(State)}
     assert names and names <= set(english)
 
 
@@ -184,15 +176,3 @@ def test_built_files_are_what_the_source_builds(tmp_path: Path) -> None:
         done = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
     assert built(copy.parent / "static") == built(STATIC)
-
-
-@pytest.mark.parametrize(("kind", "room"), [("lay", quantities), ("spray", report)], ids=["lay", "spray"])
-def test_the_page_counts_and_measures_what_the_report_does(kind: str, room: ModuleType) -> None:
-    """Every fact and quantity of the command line's table stands in the page's, in the same unit."""
-    source = (CLIENT / "src" / "quantities.ts").read_text(encoding="utf-8")
-    for name in ("FACTS", "QUANTITIES"):
-        listed = re.search(rf"export const {name}\b.*?\b{kind}: \[(.*?)\n  \],", source, re.DOTALL)
-        assert listed
-        page = dict(re.findall(r'quantity\("(\w+)", "([^"]*)", \d+\)', listed[1]))
-        for key, _, unit, _ in getattr(room, name):
-            assert page[key].replace("m²", "m2") == unit, key

@@ -27,13 +27,14 @@ from tapelayer.arrays import Floats
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import format_courses, parse_courses
 from tapelayer.errors import CourseFileRefused
-from tapelayer.laying.job import machine_of
+from tapelayer.jobs.job import machine_of
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.setups.sections import parse_setup
 from tests.helpers.browsing import LARGE, SCREENSHOTS, SMALL, Person, api, chromium
 from tests.helpers.paths import ROOT
 from tests.helpers.served import Workbench
+from urdf import TAPELAYER
 
 pytestmark = pytest.mark.browser
 
@@ -84,7 +85,7 @@ class Made:
         self.setup = parse_setup(person.get(f"{path}/setup").body(), "setup.toml", Setup)
         self.text: bytes = person.get(f"{path}/program").body()
         self.lines = self.text.decode().splitlines()
-        self.machine = machine_of(self.setup)
+        self.machine = machine_of(self.setup, TAPELAYER)
         speeds = {axis.name: axis.speed for axis in self.machine.axes}
         controller = load(self.setup.output.controller)
         self.trajectory: Trajectory = reader.read(self.text, controller, self.machine.names, speeds, "a.nc").trajectory

@@ -81,6 +81,7 @@ LAY = Evidence(
     least_link_clearance=0.0,
     forward_disagreement=0.0,
     axes=(),
+    limits={},
     samples=Samples.joined([]),
     tape_width=0.0,
     roller_radius=0.0,
@@ -100,6 +101,7 @@ SPRAY = SprayEvidence(
     greatest_arc_distance=0.0,
     forward_disagreement=0.0,
     axes=(),
+    limits={},
     samples=SpraySamples.joined([]),
     failures=(SprayFailure(2, 5, "deviation_deg", 20.0, 15.0, 9),),
 )

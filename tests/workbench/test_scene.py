@@ -15,13 +15,16 @@ from tapelayer.arrays import Floats
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import format_courses
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.laying.job import Job, Made
+from tapelayer.jobs.kinds import kind_of
+from tapelayer.laying.job import Job, LayingResult
+from tapelayer.laying.scene import needed
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.spraying.coat import coat_of
 from tapelayer.spraying.evidence import SpraySamples
-from tapelayer.spraying.job import SprayJob, SprayMade
+from tapelayer.spraying.job import SprayJob, SprayResult
 from tapelayer.spraying.reach import Reach
+from tapelayer.spraying.scene import coat_table
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import DEG, MM
 from tapelayer.workbench import scene
@@ -61,16 +64,17 @@ class Scene:
         return self.rows("poses")[:, 1:] * [MM if name.endswith("_mm") else DEG for name in names]
 
 
-def made_of(courses: list[Course], setup: Setup) -> Made:
+def made_of(courses: list[Course], setup: Setup) -> LayingResult:
     return Job.of(format_courses(courses), "panel.txt", setup).make("panel.nc")
 
 
-def scene_of(made: Made | SprayMade, mould: Mesh | None = None) -> Scene:
-    return Scene(scene.files(made, made.job, mould))
+def scene_of(made: LayingResult | SprayResult, mould: Mesh | None = None) -> Scene:
+    kind = kind_of("spray" if isinstance(made, SprayResult) else "lay")
+    return Scene(scene.files(kind.scene(made, mould), made.trajectory, made.job.machine))
 
 
 @pytest.fixture(scope="module")
-def laid() -> Made:
+def laid() -> LayingResult:
     """Two courses on a cylinder, the numbers not in order."""
     courses = [helix_course(number=7, heading=HEADING), helix_course(number=3, heading=HEADING, start=(0.6, 0.0))]
     made = made_of([replace(course, cut_angles=ANGLES) for course in courses], setup_of())
@@ -79,12 +83,12 @@ def laid() -> Made:
 
 
 @pytest.fixture(scope="module")
-def drawn(laid: Made) -> Scene:
+def drawn(laid: LayingResult) -> Scene:
     return scene_of(laid)
 
 
 @pytest.fixture(scope="module")
-def sprayed(tmp_path_factory: pytest.TempPathFactory) -> SprayMade:
+def sprayed(tmp_path_factory: pytest.TempPathFactory) -> SprayResult:
     path = tmp_path_factory.mktemp("spray") / "wave.stl"
     write_stl(path, sheet(np.linspace(0, 300, 31), [0, 60, 120], lambda x, y: 15 * np.sin(x / 40) + 0.1 * y))
     setup = SpraySetup().with_values("footprint", rate_mm3_per_s=200.0)
@@ -93,7 +97,7 @@ def sprayed(tmp_path_factory: pytest.TempPathFactory) -> SprayMade:
     return made
 
 
-def test_rows_have_the_values_of_their_lines(laid: Made, drawn: Scene) -> None:
+def test_rows_have_the_values_of_their_lines(laid: LayingResult, drawn: Scene) -> None:
     lines = laid.text.decode().splitlines()
     poses, names = drawn.rows("poses"), drawn.told("poses")["columns"]
     letters = {
@@ -111,7 +115,7 @@ def test_rows_have_the_values_of_their_lines(laid: Made, drawn: Scene) -> None:
     assert not np.any(np.isnan(poses[-1]))
 
 
-def test_blocks_name_their_courses_kinds_and_events(laid: Made, drawn: Scene) -> None:
+def test_blocks_name_their_courses_kinds_and_events(laid: LayingResult, drawn: Scene) -> None:
     blocks, found = drawn.blocks, laid.trajectory
     assert [len(blocks[name]) for name in ("lines", "courses", "kinds", "events")] == 4 * [len(found) + 1]
     assert [blocks["kind_names"][kind] for kind in blocks["kinds"]] == [
@@ -126,7 +130,7 @@ def test_blocks_name_their_courses_kinds_and_events(laid: Made, drawn: Scene) ->
     assert blocks["lines"][1:] == sorted(blocks["lines"][1:])
 
 
-def test_the_roller_stands_on_the_course_in_every_row_that_lays(laid: Made, drawn: Scene) -> None:
+def test_the_roller_stands_on_the_course_in_every_row_that_lays(laid: LayingResult, drawn: Scene) -> None:
     times = drawn.column("poses", "time_s")
     events = np.array(drawn.blocks["events"])
     laying = np.cumsum((events == Event.SHOE_DOWN).astype(int) - (events == Event.SHOE_UP)) > 0
@@ -144,7 +148,7 @@ def test_the_roller_stands_on_the_course_in_every_row_that_lays(laid: Made, draw
     assert np.sum(laying) > 100 and np.all(np.diff(times) >= 0.0)
 
 
-def test_speeds_are_those_of_the_report(laid: Made, drawn: Scene) -> None:
+def test_speeds_are_those_of_the_report(laid: LayingResult, drawn: Scene) -> None:
     feeding = np.array(drawn.blocks["kinds"]) == Kind.LINEAR
     spans = laid.trajectory.durations[feeding[1:]]
     for axis in laid.evidence.axes:
@@ -157,7 +161,7 @@ def test_speeds_are_those_of_the_report(laid: Made, drawn: Scene) -> None:
     assert drawn.told("speeds")["rows"] == drawn.told("poses")["rows"]
 
 
-def test_errors_are_the_samples(laid: Made, drawn: Scene) -> None:
+def test_errors_are_the_samples(laid: LayingResult, drawn: Scene) -> None:
     samples, report = laid.evidence.samples, laid.report()
     assert drawn.told("errors")["rows"] == len(samples.times)
     assert set(drawn.column("errors", "course")) == {7.0, 3.0}
@@ -208,7 +212,7 @@ def test_flat_tape_is_as_long_and_wide_as_it_is_laid(degrees: tuple[float, float
     assert len(inner) >= 2 * sum(angle != 90.0 for angle in degrees)
 
 
-def test_tape_lies_on_the_surface_and_appears_under_the_nip(laid: Made, drawn: Scene) -> None:
+def test_tape_lies_on_the_surface_and_appears_under_the_nip(laid: LayingResult, drawn: Scene) -> None:
     rows, samples = drawn.rows("tape"), laid.evidence.samples
     assert list(dict.fromkeys(rows[:, 1])) == [7.0, 3.0]
     assert np.sum(np.diff(rows[:, 1]) != 0) == 1
@@ -238,18 +242,18 @@ def test_what_is_left_out_of_the_tape_is_near_to_straight_lines() -> None:
     edges = np.column_stack([np.sin(rng.uniform(2, 9) * places) * 0.03 for _ in range(6)])
     kept = np.zeros(201, dtype=np.bool_)
     kept[[0, 60, 200]] = True
-    needed = scene._needed(places, edges, kept)
-    chords = np.column_stack([np.interp(places, places[needed], column[needed]) for column in edges.T])
+    chosen = needed(places, edges, kept)
+    chords = np.column_stack([np.interp(places, places[chosen], column[chosen]) for column in edges.T])
     off = np.linalg.norm((edges - chords).reshape(-1, 2, 3), axis=2)
     assert 0.0 < np.max(off) <= 1e-4
-    assert np.all(needed[kept]) and np.sum(needed) < 150
+    assert np.all(chosen[kept]) and np.sum(chosen) < 150
 
 
 @pytest.mark.parametrize("radii", [(0.5, 0.5), (0.5, 0.46), (0.02, 0.02)])
 def test_circles_are_divided_as_far_as_they_have_to_be(radii: tuple[float, float]) -> None:
     begin, end = np.array([radii[0], 0.0]), radii[1] * np.array([math.cos(-2.0), math.sin(-2.0)])
     found = circular(np.array([[*begin, 0.1], [*end, 0.2]]))
-    path = scene._Path.of(found, Job.of(format_courses([flat_course()]), "a.txt", Setup()).machine)
+    path = scene.TrajectoryRows.of(found, Job.of(format_courses([flat_course()]), "a.txt", Setup()).machine)
     times, rows = path.times, path.positions
     dense = np.linspace(0.0, 1.0, 5001)
     on_arc = found.within(np.ones(len(dense), dtype=np.int64), dense)
@@ -292,7 +296,7 @@ def test_nothing_is_known_of_what_is_not_stated(drawn: Scene) -> None:
     assert stated[2] < np.min(np.delete(stated, 2))
 
 
-def test_a_plan_that_failed_is_drawn_without_lines(laid: Made) -> None:
+def test_a_plan_that_failed_is_drawn_without_lines(laid: LayingResult) -> None:
     setup = Setup().with_values("verification", max_position_error_mm=1e-6)
     made = made_of([replace(course) for course in laid.job.courses], setup)
     assert made.text == b""
@@ -302,20 +306,20 @@ def test_a_plan_that_failed_is_drawn_without_lines(laid: Made) -> None:
     assert not np.any(np.isnan(drawn.rows("poses")[-1]))
 
 
-def test_only_tape_that_is_laid_is_drawn(laid: Made) -> None:
+def test_only_tape_that_is_laid_is_drawn(laid: LayingResult) -> None:
     lines = laid.text.splitlines(keepends=True)
     shoe = [number for number, line in enumerate(lines) if re.search(rb"M20\b", line)]
-    made = laid.job.examine(b"".join(lines[: shoe[1]]) + b"M30\n%\n", "panel.nc")
+    made = laid.job.judge(b"".join(lines[: shoe[1]]) + b"M30\n%\n", "panel.nc")
     assert made.failure is not None
     drawn = scene_of(made)
     assert set(drawn.column("tape", "course")) == {7.0}
-    never = laid.job.examine(b"".join(lines[: shoe[0]]) + b"M30\n%\n", "panel.nc")
+    never = laid.job.judge(b"".join(lines[: shoe[0]]) + b"M30\n%\n", "panel.nc")
     empty = scene_of(never)
     assert [empty.told(name)["rows"] for name in ("tape", "errors")] == [0, 0]
     assert empty.told("tape")["columns"] == drawn.told("tape")["columns"]
 
 
-def test_a_mould_lies_where_the_setup_puts_the_part(laid: Made) -> None:
+def test_a_mould_lies_where_the_setup_puts_the_part(laid: LayingResult) -> None:
     made = made_of([flat_course()], setup_of("[part]\nrotation_deg = [5, 0, 10]\n"))
     triangles = sheet([0, 100, 200], [0, 50], lambda x, y: 0.01 * x * y)
     tilt, turn = math.radians(5), math.radians(10)
@@ -327,7 +331,7 @@ def test_a_mould_lies_where_the_setup_puts_the_part(laid: Made) -> None:
     order = [np.lexsort(np.round(rows, 1).T) for rows in (found, expected)]
     np.testing.assert_allclose(found[order[0]], expected[order[1]], atol=2e-4)
     assert len(found) == 12
-    assert "part.f32" not in scene.files(laid, laid.job, None)
+    assert "part.f32" not in scene_of(laid).files
 
 
 def test_large_parts_become_coarser_and_stay_where_they_are() -> None:
@@ -340,7 +344,7 @@ def test_large_parts_become_coarser_and_stay_where_they_are() -> None:
     np.testing.assert_allclose([corners.min(axis=0)[:2], corners.max(axis=0)[:2]], [[0, 0], [400, 400]], atol=1e-3)
 
 
-def test_the_coat_grows_to_what_the_program_leaves(sprayed: SprayMade) -> None:
+def test_the_coat_grows_to_what_the_program_leaves(sprayed: SprayResult) -> None:
     drawn, coat = scene_of(sprayed), sprayed.judged.coat
     assert coat is not None
     told, rows = drawn.told("coat"), drawn.rows("coat")
@@ -363,25 +367,25 @@ def test_the_coat_grows_to_what_the_program_leaves(sprayed: SprayMade) -> None:
         assert np.sum(thickness[:, moment]) == pytest.approx(np.sum(partly), rel=0.01)
 
 
-def test_a_relative_coat_says_so_and_is_thinned_evenly(sprayed: SprayMade, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scene, "MOST_COAT_SAMPLES", 300)
+def test_a_relative_coat_says_so_and_is_thinned_evenly(sprayed: SprayResult, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tapelayer.spraying.scene.MOST_COAT_SAMPLES", 300)
     coat, setup = sprayed.judged.coat, SpraySetup()
     assert coat is not None
     relative = replace(coat, thickness=coat.thickness / np.mean(coat.thickness), relative=True)
-    table = scene.coat_table(relative, sprayed.evidence.samples, setup)
+    table = coat_table(relative, sprayed.evidence.samples, setup)
     assert table.extra["unit"] == "relative"
     assert 200 <= len(table.rows) <= 300
     away = np.linalg.norm(table.rows[:, None, :2] - coat.surface.points[None, :, :2] / MM, axis=2)
     assert np.max(np.min(away, axis=0)) < 2 * math.sqrt(300 * 120 / 200)
 
 
-def test_a_spray_scene_has_its_passes_and_part(sprayed: SprayMade) -> None:
+def test_a_spray_scene_has_its_passes_and_part(sprayed: SprayResult) -> None:
     drawn = scene_of(sprayed)
     assert sorted(drawn.files) == sorted(
         ["blocks.json", *(f"{n}.{e}" for n in ("poses", "speeds", "errors", "part", "coat") for e in ("f32", "json"))]
     )
     assert drawn.told("poses")["columns"] == ["time_s", "x_mm", "y_mm", "z_mm", "theta_deg", "phi_deg"]
-    passes = len(sprayed.job.plan.passes)
+    passes = len(sprayed.job.pass_plan.passes)
     assert set(drawn.column("errors", "pass")) == set(range(1, passes + 1)) == set(drawn.blocks["courses"]) - {0}
     report = sprayed.report()
     assert np.max(drawn.column("errors", "position_error_mm")) == pytest.approx(
@@ -396,8 +400,3 @@ def test_a_spray_scene_has_its_passes_and_part(sprayed: SprayMade) -> None:
         np.sort(sprayed.job.mesh.vertices[sprayed.job.mesh.facets].reshape(-1, 3), axis=0),
         atol=1e-6,
     )
-
-
-def test_a_program_is_drawn_with_its_own_job(laid: Made, sprayed: SprayMade) -> None:
-    with pytest.raises(TypeError, match="^Made is not made from a SprayJob$"):
-        scene.files(laid, sprayed.job, None)

@@ -15,12 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tapelayer.jobs.kinds import kind_of
+from tapelayer.jobs.stages import Stage
 from tapelayer.laying.job import Job
 from tapelayer.laying.settings import Setup
+from tapelayer.reporting.words import Words
 from tapelayer.setups.sections import parse_setup
 from tapelayer.spraying.job import SprayJob
 from tapelayer.spraying.settings import SpraySetup
-from tapelayer.workbench.worker import WEIGHTS, Stages
+from tapelayer.workbench.worker import Stages
 from tests.helpers.panels import flat, sheet, write_stl
 from tests.helpers.paths import EXAMPLES, ROOT
 
@@ -91,7 +94,7 @@ def test_a_lay_job_is_the_librarys_with_tables_of_it(tmp_path: Path) -> None:
     tables = {f"{name}.{end}" for name in (*TABLES, "tape") for end in ("f32", "json")}
     plain = {"program.nc", "report.json", "report.html", "setup.toml", "machine.urdf", "blocks.json"}
     assert set(out) == tables | plain
-    assert rising(lines[:-1]) == list(WEIGHTS["lay", False])
+    assert rising(lines[:-1]) == [stage.name for stage in kind_of("lay").making]
     report = told.report()
     assert lines[-1] == {
         "state": "done",
@@ -126,7 +129,7 @@ def test_a_spray_job_is_the_librarys(tmp_path: Path, plate: bytes) -> None:
     assert out["trajectory.txt"] == told.poses()
     assert json.loads(out["report.json"]) == told.report()
     assert {f"{name}.f32" for name in (*TABLES, "part", "coat")} <= set(out)
-    assert rising(lines[:-1]) == list(WEIGHTS["spray", False])
+    assert rising(lines[:-1]) == [stage.name for stage in kind_of("spray").making]
     assert lines[-1]["state"] == "done"
     assert lines[-1]["summary"]["passes"] == told.report()["passes"]
 
@@ -138,7 +141,7 @@ def test_a_verdict_is_given_good_or_bad(tmp_path: Path) -> None:
     good = ask(tmp_path / "good", request, COURSES.read_bytes())
     (good / "program").write_bytes(text)
     lines, _ = carry_out(good)
-    assert rising(lines[:-1]) == list(WEIGHTS["lay", True])
+    assert rising(lines[:-1]) == [stage.name for stage in kind_of("lay").judging]
     assert (lines[-1]["state"], lines[-1]["summary"]["passed"]) == ("done", True)
     assert set(made(good)) == {"report.json", "report.html"}
     assert json.loads(made(good)["report.json"])["passed"] is True
@@ -159,7 +162,7 @@ def test_a_verdict_on_a_spray_program(tmp_path: Path, plate: bytes) -> None:
     folder = ask(tmp_path / "job", request, plate, setup)
     (folder / "program").write_bytes(job.make("p.nc").text)
     lines, _ = carry_out(folder)
-    assert rising(lines[:-1]) == list(WEIGHTS["spray", True])
+    assert rising(lines[:-1]) == [stage.name for stage in kind_of("spray").judging]
     assert (lines[-1]["state"], lines[-1]["summary"]["passed"]) == ("done", True)
 
 
@@ -267,7 +270,10 @@ def test_it_ends_with_the_server(tmp_path: Path) -> None:
 
 def test_ticks_move_within_their_stage() -> None:
     said: list[float] = []
-    stages = Stages(lambda message: said.append(message["progress"]), {"one": 1, "two": 3})
+    stages = Stages(
+        lambda message: said.append(message["progress"]),
+        {Stage("one", Words("", "")): 1, Stage("two", Words("", "")): 3},
+    )
     stages.begin("two", 2)
     stages._said_at = -1.0
     for _ in range(3):

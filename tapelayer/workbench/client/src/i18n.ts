@@ -1,7 +1,7 @@
 import en from "./locales/en.json";
 import zh from "./locales/zh.json";
-import type { Problem, Translate } from "./panels";
-import { remember, remembered } from "./state";
+import type { Problem, Translate } from "./data/types";
+import { remember, remembered } from "./data/state";
 
 export const LANGUAGES = { en: "English", zh: "中文" };
 export type Language = keyof typeof LANGUAGES;

@@ -1,19 +1,19 @@
 import "./tokens.css";
 import "./style.css";
-import * as api from "./api";
+import * as api from "./data/api";
 import { h, translateAll } from "./elements";
-import { createForm } from "./form";
-import { createHelp } from "./help";
+import { createForm } from "./panels/form";
+import { createHelp } from "./panels/help";
 import { currentLanguage, LANGUAGES, setLanguage, t, type Language } from "./i18n";
-import { createImport, type Source } from "./importing";
-import { createJobList } from "./jobs";
-import { createLayout } from "./layout";
-import { createNotice } from "./notice";
-import type { Job, Kind, Made, Panel, SetupValues } from "./panels";
-import { createRunning } from "./running";
+import { createImport, type Source } from "./panels/importing";
+import { createJobList } from "./panels/jobs";
+import { createLayout } from "./panels/layout";
+import { createNotice } from "./panels/notice";
+import type { Job, Kind, Made, Panel, SetupValues } from "./data/types";
+import { createRunning } from "./panels/running";
 import { startShortcuts } from "./shortcuts";
-import { startSession } from "./signing";
-import { createSelection } from "./state";
+import { startSession } from "./panels/signing";
+import { createSelection } from "./data/state";
 import { currentTheme, setTheme, startTheme, THEMES, type Theme } from "./theme";
 
 const DOWNLOADS = ["report.html", "report.json", "setup"] as const;
@@ -96,7 +96,7 @@ const furnished = furnish();
 async function furnish(): Promise<void> {
   await Promise.race([started, new Promise((resolve) => setTimeout(resolve, LATEST_MS))]);
   await new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
-  const results = await import("./results");
+  const results = await import("./panels/results");
   const player = results.createPlayer(layout.player, t);
   const { clock } = player;
   const scene = results.createScene(layout.scene, clock, t, selection);
@@ -136,6 +136,7 @@ async function furnish(): Promise<void> {
 async function start(): Promise<void> {
   await signedIn;
   input.start();
+  running.start();
   await form.show(input.kind);
 }
 

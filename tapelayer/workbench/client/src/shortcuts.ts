@@ -1,4 +1,4 @@
-import type { Clock } from "./panels";
+import type { Clock } from "./data/types";
 
 export interface Actions {
   search(): void;

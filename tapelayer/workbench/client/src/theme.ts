@@ -1,4 +1,4 @@
-import { remember, remembered } from "./state";
+import { remember, remembered } from "./data/state";
 
 export const THEMES = ["auto", "light", "dark"] as const;
 export type Theme = (typeof THEMES)[number];

@@ -1,0 +1,256 @@
+"""Job: a source, a setup, a machine and a control become a program that was read back and judged."""
+
+from __future__ import annotations
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+import numpy as np
+from rich.table import Table
+
+from post import program, reader
+from post.controllers import Controller
+from tapelayer.arrays import Floats
+from tapelayer.errors import VerificationFailed
+from tapelayer.jobs.stages import READING_BACK, VERIFYING, VERIFYING_PLAN, WRITING
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.trajectory import Trajectory
+from tapelayer.progress import UNSEEN, Steps, Tick, silent
+from tapelayer.provenance import Provenance
+from tapelayer.setups.sections import JobSetup
+from tapelayer.verification.failures import Findings
+from tapelayer.verification.verified import Verified, failure_of
+
+Plan = TypeVar("Plan")
+Evidence = TypeVar("Evidence", bound=Findings)
+Evidence_co = TypeVar("Evidence_co", bound=Findings, covariant=True)
+
+
+class Judge(Protocol[Evidence_co]):
+    """Judges trajectories by what a job asks for."""
+
+    def examine(self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent) -> Evidence_co:
+        """Return the evidence on a trajectory, failures included."""
+
+    def verify(
+        self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent
+    ) -> Verified[Evidence_co]:
+        """Return the trajectory as a verified one, or raise `VerificationFailed`."""
+
+
+@dataclass(frozen=True, eq=False)
+class JobResult(ABC, Generic[Evidence]):
+    """What became of a job: a program, and what was measured when it was judged.
+
+    Attributes:
+        trajectory: as read back from the text; as planned where the plan failed already.
+        evidence: what verification measured on it.
+        text: bytes of the program; none where the plan failed.
+        remarks: what is to be said beside the verdict.
+    """
+
+    trajectory: Trajectory
+    evidence: Evidence
+    text: bytes
+    remarks: tuple[str, ...]
+
+    @property
+    def failure(self) -> VerificationFailed | None:
+        """Why the program may not be used; None where it passed."""
+        return failure_of(self.evidence)
+
+    @abstractmethod
+    def report(self) -> dict[str, Any]:
+        """Return the report as plain values for JSON."""
+
+    @abstractmethod
+    def summary(self) -> Table:
+        """Return the report as a table for a terminal."""
+
+    @abstractmethod
+    def page(self, title: str) -> str:
+        """Return the report as one HTML page with plots, called as the program is."""
+
+    def notes(self) -> tuple[str, ...]:
+        """Return sentences to be said beside the table of the report."""
+        return ()
+
+    def files(self) -> Mapping[str, bytes]:
+        """Return what else was made, by file name."""
+        return {}
+
+
+@dataclass(frozen=True, eq=False)
+class MachineJob(ABC, Generic[Plan, Evidence]):
+    """What goes into a program.
+
+    Attributes:
+        setup: the job's values.
+        machine: with the setup's limits already in it.
+        controller: the control's table.
+        provenance: what the program's header says of its sources.
+    """
+
+    setup: JobSetup
+    machine: Machine
+    controller: Controller
+    provenance: Provenance
+
+    # What the source is called.
+    SOURCE: ClassVar[str]
+
+    @property
+    @abstractmethod
+    def axes(self) -> tuple[str, ...]:
+        """The axes that a program moves."""
+
+    @property
+    @abstractmethod
+    def parts(self) -> int:
+        """How many courses or passes there are."""
+
+    @abstractmethod
+    def planned(self, steps: Steps) -> tuple[Plan, Trajectory]:
+        """Return the plan of the job, and the trajectory that follows from it.
+
+        Raises:
+            TapelayerError: the job cannot be done on this machine.
+        """
+
+    @abstractmethod
+    def basis(self, steps: Steps) -> Plan:
+        """Return what a program is judged by, where it is another's.
+
+        Raises:
+            TapelayerError: the job cannot be done on this machine.
+        """
+
+    @abstractmethod
+    def inspector(self, plan: Plan) -> Judge[Evidence]:
+        """Return the judge of trajectories for this job."""
+
+    @abstractmethod
+    def result(
+        self,
+        plan: Plan,
+        trajectory: Trajectory,
+        evidence: Evidence,
+        text: bytes,
+        remarks: tuple[str, ...],
+        steps: Steps,
+    ) -> JobResult[Evidence]:
+        """Return what became of the job."""
+
+    def make(self, name: str, steps: Steps = UNSEEN) -> JobResult[Evidence]:
+        """Plan, write, read back and judge a program; `JobResult.failure` says whether it may be used.
+
+        Args:
+            name: of the program, for messages.
+            steps: who is told what is under way.
+
+        Raises:
+            TapelayerError: the job cannot be done on this machine.
+        """
+        plan, trajectory = self.planned(steps)
+        judge = self.inspector(plan)
+        steps.begin(VERIFYING_PLAN.name, self.parts)
+        evidence, text = judge.examine(trajectory, tick=steps.tick), b""
+        if evidence.passed:
+            steps.begin(WRITING.name)
+            text = self.text(Verified(trajectory, evidence))
+            # A long program's plan is not kept beside what is read back.
+            del trajectory, evidence
+            trajectory, evidence = self._judged_text(judge, self._read(text, name, steps), text, steps)
+        return self.result(plan, trajectory, evidence, text, (), steps)
+
+    def judge(self, text: bytes, name: str, force: bool = False, steps: Steps = UNSEEN) -> JobResult[Evidence]:
+        """Judge a program by its text, also one that was edited by hand.
+
+        Args:
+            text: bytes of the program.
+            name: the program as the user named it.
+            force: judge it although its header names another setup.
+            steps: who is told what is under way.
+
+        Raises:
+            ProgramRefused: the text cannot be read.
+            ProgramOfOtherSetup: its header names another setup.
+        """
+        read = self._read(text, name, steps)
+        if not force:
+            self.provenance.check_setup(read.setup_sha256, name)
+        remarks = self.provenance.remarks(read.source_sha256, name, self.SOURCE)
+        plan = self.basis(steps)
+        trajectory, evidence = self._judged_text(self.inspector(plan), read, text, steps)
+        return self.result(plan, trajectory, evidence, text, remarks, steps)
+
+    def plan(self, tick: Tick = silent) -> Verified[Evidence]:
+        """Return the planned trajectory, verified before there is any text; `tick` is called for every part.
+
+        Raises:
+            TapelayerError: the job cannot be done on this machine, or what was planned failed verification.
+        """
+        plan, trajectory = self.planned(_Ticks(tick))
+        return self.inspector(plan).verify(trajectory, tick=tick)
+
+    def text(self, planned: Verified[Evidence]) -> bytes:
+        """Return the NC text of a verified trajectory."""
+        return program.write(planned, self.controller, self.provenance)
+
+    def read_back(self, text: bytes, name: str) -> reader.Program:
+        """Return what an NC text says.
+
+        Raises:
+            ProgramRefused: the text cannot be read.
+        """
+        speeds = {axis: self.machine.axis(axis).speed for axis in self.axes}
+        return reader.read(text, self.controller, self.axes, speeds, name)
+
+    def verify(self, trajectory: Trajectory, tick: Tick = silent) -> Verified[Evidence]:
+        """Return a trajectory that was read back from NC text as a verified one.
+
+        Raises:
+            VerificationFailed: the text does not do what the source asks.
+        """
+        return self.inspector(self.basis(UNSEEN)).verify(trajectory, self.resolution, tick)
+
+    @property
+    def resolution(self) -> Floats:
+        """Last written digit (k,) of each axis of a program, in metres and radians."""
+        return np.array([self.controller.resolution(axis) for axis in self.axes])
+
+    def _read(self, text: bytes, name: str, steps: Steps) -> reader.Program:
+        steps.begin(READING_BACK.name)
+        return self.read_back(text, name)
+
+    def _judged_text(
+        self, judge: Judge[Evidence], read: reader.Program, text: bytes, steps: Steps
+    ) -> tuple[Trajectory, Evidence]:
+        steps.begin(VERIFYING.name, self.parts)
+        evidence = judge.examine(read.trajectory, self.resolution, steps.tick)
+        return read.trajectory, replace(evidence, program_sha256=hashlib.sha256(text).hexdigest())
+
+
+class _Ticks:
+    """Steps of which only the ticks are heard."""
+
+    def __init__(self, tick: Tick) -> None:
+        self.tick = tick
+
+    def begin(self, step: str, ticks: int | None = None) -> None:
+        """Say nothing."""
+
+
+def machine_of(setup: JobSetup, urdf: Path) -> Machine:
+    """Return the setup's machine: its URDF, or the one that comes along, with the setup's travel and speeds.
+
+    Raises:
+        ModelRefused: the URDF cannot be used, or an axis in the setup is not the machine's.
+    """
+    settings = setup.machine
+    path = urdf if settings.urdf is None else Path(settings.urdf)
+    return Machine.load(path).with_limits(settings.travel(), settings.speeds())

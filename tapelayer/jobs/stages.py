@@ -1,0 +1,34 @@
+"""Stages: what a job does one after the other, declared once with what it is called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tapelayer.reporting.words import Words
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of a job's work.
+
+    Attributes:
+        name: as progress names it.
+        words: what it is called on a page.
+    """
+
+    name: str
+    words: Words
+
+
+READING = Stage("reading", Words("Reading", "读取"))
+SLICING = Stage("slicing", Words("Slicing the model", "模型切片"))
+PLANNING = Stage("planning", Words("Planning", "规划"))
+VERIFYING_PLAN = Stage("verifying the plan", Words("Verifying the plan", "校验规划"))
+WRITING = Stage("writing", Words("Writing the program", "写出程序"))
+READING_BACK = Stage("reading back", Words("Reading the program back", "回读程序"))
+VERIFYING = Stage("verifying", Words("Verifying the program", "校验程序"))
+COATING = Stage("measuring the coat", Words("Measuring the coat", "计算涂层厚度"))
+SAVING = Stage("saving", Words("Saving", "保存"))
+
+# The stages of a job in their order, with about the time that each takes of it.
+Weights = dict[Stage, float]

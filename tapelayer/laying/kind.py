@@ -1,0 +1,38 @@
+"""Kind: the tape layer."""
+
+from __future__ import annotations
+
+from tapelayer.jobs.kind import BuiltIn, JobKind, Option, Source
+from tapelayer.jobs.stages import PLANNING, READING, READING_BACK, SAVING, VERIFYING, VERIFYING_PLAN, WRITING
+from tapelayer.laying.job import Job
+from tapelayer.laying.limits import limits_of
+from tapelayer.laying.quantities import ROWS
+from tapelayer.laying.scene import scene
+from tapelayer.laying.settings import Setup
+from tapelayer.machines import gantry
+from urdf import TAPELAYER
+
+KIND = JobKind(
+    name="lay",
+    title="Setup of a tape-laying job",
+    machine=BuiltIn(
+        name="tapelayer",
+        title="ten-axis tape-laying gantry",
+        urdf=TAPELAYER,
+        frame="contact",
+        axes=gantry.POSE,
+        vectors={"n": 2, "t": 0},
+        inverse=gantry.inverse,
+    ),
+    source=Source("course file", "tape courses", "text/plain", frozenset({"mould"})),
+    parts="courses",
+    setup=Setup,
+    options={"kinematics": Option("process", "kinematics")},
+    job=Job.of,
+    read=Job.read,
+    rows=ROWS,
+    limits=limits_of,
+    making={READING: 4, PLANNING: 25, VERIFYING_PLAN: 13, WRITING: 2, READING_BACK: 2, VERIFYING: 12, SAVING: 42},
+    judging={READING: 20, READING_BACK: 20, VERIFYING: 50, SAVING: 10},
+    scene=scene,
+)

@@ -1,0 +1,24 @@
+"""Limits: what a laying setup allows."""
+
+from __future__ import annotations
+
+from tapelayer.laying.settings import Setup
+from tapelayer.verification.limits import Limit, Limits
+
+LIMITED = (
+    "max_position_error_mm",
+    "max_tape_error_mm",
+    "max_roller_tilt_deg",
+    "max_heading_error_deg",
+    "max_cut_error_mm",
+    "max_blade_error_deg",
+)
+# The published form leaves the roller's pose off: it is judged only where the setup itself sets a limit.
+POSE = frozenset({"max_roller_tilt_deg", "max_heading_error_deg"})
+
+
+def limits_of(setup: Setup) -> Limits:
+    """Return the limit of each limited quantity, and whether it is judged."""
+    limits = setup.verification
+    free = POSE - limits.model_fields_set if setup.process.kinematics == "published" else frozenset()
+    return {key: Limit(getattr(limits, key), key not in free) for key in LIMITED}

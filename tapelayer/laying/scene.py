@@ -1,0 +1,158 @@
+"""Scene of a laying program: errors along the courses, the tape as it was laid, and the mould."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tapelayer.arrays import Floats, Ints, Mask
+from tapelayer.courses.course import Course
+from tapelayer.geometry.curves import Curve
+from tapelayer.geometry.mesh import Mesh
+from tapelayer.jobs.kind import Scene, SceneTable
+from tapelayer.laying.evidence import Samples
+from tapelayer.laying.job import LayingResult
+from tapelayer.laying.placing import courses_in_machine
+from tapelayer.laying.settings import Setup
+from tapelayer.units import DEG, MM
+
+# Pairs of the tape's edge points are left out where a straight line is as near to the edges, metres.
+EDGE_TOLERANCE = 0.1e-3
+# The edges are looked at so often, and pairs lie no farther apart, so that the tape is seen to grow; metres.
+EDGE_STEP = 5e-3
+PAIR_STEP = 25e-3
+# A cut that runs less than this along the tape's width is square, metres.
+SQUARE = 1e-5
+
+
+def scene(result: LayingResult, mould: Mesh | None) -> Scene:
+    """Return what a page draws of a result.
+
+    Args:
+        result: of a job.
+        mould: in the part's frame, where there is one.
+    """
+    job, samples = result.job, result.evidence.samples
+    numbers = np.array([course.number for course in job.courses])
+    tables = {"errors": error_table(samples, numbers), "tape": tape_table(samples, job.courses, job.setup)}
+    surfaces = {}
+    if mould is not None:
+        part = job.setup.part
+        rotation = Rotation.from_euler("xyz", part.rotation_rad()).as_matrix()
+        surfaces["part"] = mould.moved(rotation, np.array([part.l1_mm, part.l2_mm, -part.l3_mm]) * MM)
+    return Scene(numbers.tolist(), tables, surfaces)
+
+
+def error_table(samples: Samples, numbers: Ints) -> SceneTable:
+    """What was measured along the courses.
+
+    Args:
+        samples: along the courses.
+        numbers: number of each course, by its index.
+    """
+    columns = {
+        "time_s": samples.times,
+        "course": numbers[samples.courses.astype(np.int64)],
+        "arc_length_mm": samples.arc_lengths / MM,
+        "normal_error_mm": samples.normal_errors / MM,
+        "lateral_error_mm": samples.lateral_errors / MM,
+        "position_error_mm": samples.position_errors / MM,
+        "tape_error_mm": samples.tape_errors / MM,
+        "roller_tilt_deg": samples.tilts / DEG,
+        "heading_error_deg": samples.heading_errors / DEG,
+    }
+    return SceneTable(tuple(columns), np.column_stack(list(columns.values())))
+
+
+def tape_table(samples: Samples, courses: Sequence[Course], setup: Setup) -> SceneTable:
+    """Edge points of the tape as it was laid, in pairs: what lies between two pairs lies across the course.
+
+    At a slanted cut the pairs end on its line, so that the first and the last pair of a course are one corner each.
+
+    Args:
+        samples: along the courses.
+        courses: in the part's frame.
+        setup: the job's values.
+    """
+    parts = [np.zeros((0, 8))]
+    for index, path in enumerate(courses_in_machine(courses, setup)):
+        rows = slice(*np.searchsorted(samples.courses, [index, index + 1]).tolist())
+        measured = np.isfinite(samples.arc_lengths[rows])
+        arcs, times = np.maximum.accumulate(samples.arc_lengths[rows][measured]), samples.times[rows][measured]
+        if len(arcs) and arcs[-1] > 0.0:
+            curve = Curve(path)
+            ribbon = _Ribbon(curve, min(curve.length, float(arcs[-1])), setup.tape.width_mm * MM, courses[index])
+            places, edges = ribbon.pairs()
+            laid = np.interp(places, arcs, times)
+            parts.append(np.column_stack([laid, np.full(len(laid), path.number), edges / MM]))
+    edge = tuple(f"{side}_{axis}_mm" for side in ("left", "right") for axis in "xyz")
+    return SceneTable(("time_s", "course", *edge), np.vstack(parts))
+
+
+class _Ribbon:
+    """The tape of one course on its surface.
+
+    Args:
+        curve: of the course, in `machine` axes.
+        end: arc length to which it is laid, metres.
+        width: of the tape, metres.
+        course: with the angles of its cuts.
+    """
+
+    def __init__(self, curve: Curve, end: float, width: float, course: Course) -> None:
+        self.curve, self.end, self.half = curve, end, width / 2
+        slopes = (1.0 / math.tan(angle) for angle in course.cut_angles)
+        # Along the course over across it, to the left: sigma(w) = sigma_0 + w cot(alpha).
+        self.slopes = [slope if abs(slope) * width > SQUARE else 0.0 for slope in slopes]
+
+    def pairs(self) -> tuple[Floats, Floats]:
+        """Arc lengths (n,) in metres, and left and right edge points (n, 6) there, metres."""
+        first, last = (self.half * abs(slope) for slope in self.slopes)
+        low, high = -first, self.end + last
+        corners = np.array([low, first, self.end - last, high])
+        steps = np.linspace(low, high, math.ceil((high - low) / EDGE_STEP) + 1)
+        places = np.union1d(steps, corners[(corners >= low) & (corners <= high)])
+        edges = self._edges(places)
+        kept = np.isin(places, corners)
+        kept[:: math.floor(PAIR_STEP / EDGE_STEP)] = True
+        kept = needed(places, edges, kept)
+        return places[kept], edges[kept]
+
+    def _edges(self, places: Floats) -> Floats:
+        """Left and right edge points (n, 6) in metres at (n,) arc lengths; beyond its ends the course goes straight."""
+        right, left = np.full(len(places), -self.half), np.full(len(places), self.half)
+        # There is tape at w across and s along where w slope <= s by its first cut, and s <= end + w slope by its last.
+        for away, slope, side in ((places, self.slopes[0], 1.0), (self.end - places, self.slopes[1], -1.0)):
+            if side * slope > 0.0:
+                left = np.minimum(left, away / (side * slope))
+            elif slope:
+                right = np.maximum(right, away / (side * slope))
+        left = np.maximum(left, right)
+        inside = np.clip(places, 0.0, self.curve.length)
+        points, normals, tangents = self.curve.at(inside)
+        points = points + (places - inside)[:, None] * tangents
+        across = np.cross(normals, tangents)
+        across /= np.linalg.norm(across, axis=1)[:, None]
+        return np.hstack([points + left[:, None] * across, points + right[:, None] * across])
+
+
+def needed(places: Floats, edges: Floats, kept: Mask) -> Mask:
+    """Rows (n,) that are needed beside those kept, so that straight lines between them stay near to all others.
+
+    Args:
+        places: (n,) metres, rising.
+        edges: (n, 6) two points a row, metres.
+        kept: (n,) rows that are needed anyhow, the first and the last among them.
+    """
+    kept = kept.copy()
+    while True:
+        rows = np.flatnonzero(kept)
+        chords = np.column_stack([np.interp(places, places[rows], column[rows]) for column in edges.T])
+        off = np.max(np.linalg.norm((edges - chords).reshape(-1, 2, 3), axis=2), axis=1)
+        far = np.flatnonzero(np.maximum.reduceat(off, rows)[:-1] > EDGE_TOLERANCE)
+        if not len(far):
+            return kept
+        kept[(rows[far] + rows[far + 1]) // 2] = True

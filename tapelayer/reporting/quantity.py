@@ -1,0 +1,184 @@
+"""Quantities: a figure of a report is one row; JSON, tables, page, plots, docs and HTTP iterate over rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Generic, TypeVar
+
+from tapelayer.provenance import VERSION
+from tapelayer.reporting.words import NOT_MEASURED, Words, shown
+from tapelayer.units import json_number
+from tapelayer.verification.axis_use import AxisUse
+from tapelayer.verification.failures import Findings
+
+Measured = TypeVar("Measured")
+
+
+class Group(Enum):
+    """Where a quantity stands in tables: what the program is, or how well it keeps to what was asked."""
+
+    FACT = "fact"
+    ERROR = "error"
+
+
+class Style(Enum):
+    """How a quantity is written."""
+
+    COUNT = "count"
+    FIXED = "fixed"
+    POWER = "power"
+
+
+@dataclass(frozen=True)
+class Quantity(Generic[Measured]):
+    """A number of the report.
+
+    Attributes:
+        key: in the JSON report, with the unit at its end.
+        words: what it is called.
+        about: what it means, as a sentence without its full stop.
+        unit: in which it is written.
+        digits: behind the point, where it is no count.
+        measure: takes it from what was measured, in its unit; None where there is none, NaN where it was not measured.
+        group: where it stands in tables.
+        style: how it is written.
+        absent: why it may have no value.
+        required: whether a program of which it cannot be measured has failed.
+        headline: whether it stands beside the verdict.
+        samples: field of the samples whose largest magnitude it is, where there are plots along the courses.
+        curves: fields of the samples to plot, with their names.
+    """
+
+    key: str
+    words: Words
+    about: Words
+    unit: str
+    digits: int
+    measure: Callable[[Measured], float | None]
+    group: Group = Group.ERROR
+    style: Style = Style.FIXED
+    absent: Words = NOT_MEASURED
+    required: bool = False
+    headline: bool = False
+    samples: str = ""
+    curves: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def failure(self) -> str:
+        """What a failure of the quantity is called.
+
+        >>> Quantity("max_pitch_deg", Words("", ""), Words("", ""), "deg", 3, lambda _: 0.0).failure
+        'pitch_deg'
+        """
+        return self.key.removeprefix("max_").removeprefix("least_")
+
+    @property
+    def form(self) -> str:
+        """Format in which it is written, after Python's format specification."""
+        return {Style.COUNT: ",d", Style.FIXED: f"z,.{self.digits}f", Style.POWER: ".1e"}[self.style]
+
+    def lost(self, value: float | None) -> bool:
+        """Return whether the value is required, and could not be measured."""
+        return self.required and value is not None and not math.isfinite(value)
+
+    @staticmethod
+    def plain(value: float | None) -> float | None:
+        """Return the value for JSON; None where there is none."""
+        return value if value is None or isinstance(value, int) else json_number(value)
+
+    def shown(self, value: float | None, with_unit: bool = True) -> str:
+        """Return a value as it is written, or why there is none."""
+        return shown(value, self.unit if with_unit else "", self.form, self.absent.en)
+
+
+@dataclass(frozen=True)
+class Listing(Generic[Measured]):
+    """A part of the report that is more than a number.
+
+    Attributes:
+        key: in the JSON report.
+        measure: takes it from what was measured, as plain values for JSON.
+        required: whether a program of which a value in it could not be measured has failed.
+    """
+
+    key: str
+    measure: Callable[[Measured], Any]
+    required: bool = False
+
+    def lost(self, value: Any) -> bool:
+        """Return whether it is required, and a value in it could not be measured."""
+        return self.required and any(leaf is None for leaf in _leaves(value))
+
+    @staticmethod
+    def plain(value: Any) -> Any:
+        """Return the value for JSON."""
+        return value
+
+
+Row = Quantity[Measured] | Listing[Measured]
+
+
+def count(
+    key: str, words: Words, about: Words, measure: Callable[[Measured], float | None], *, headline: bool = False
+) -> Quantity[Measured]:
+    """Return the row of a fact that is counted."""
+    return Quantity(key, words, about, "", 0, measure, Group.FACT, Style.COUNT, headline=headline)
+
+
+def quantities(rows: Sequence[Row[Measured]], group: Group | None = None) -> list[Quantity[Measured]]:
+    """Return the rows that are numbers, of one group or of all."""
+    return [row for row in rows if isinstance(row, Quantity) and group in (None, row.group)]
+
+
+def numbers(rows: Sequence[Row[Measured]], measured: Measured, findings: Findings) -> dict[str, Any]:
+    """Return a report as plain values for JSON, millimetres and degrees.
+
+    What was not measured is None; where the row is required, the report is not passed.
+
+    Args:
+        rows: of the kind of machine.
+        measured: what the rows take their values from.
+        findings: verdict and axes of the same program.
+    """
+    values = {row.key: row.measure(measured) for row in rows}
+    failures = [failure.values() for failure in findings.failures]
+    known = {failure.what for failure in findings.failures}
+    lost = [row.failure for row in quantities(rows) if row.lost(values[row.key])]
+    if any(row.required for row in rows):
+        lost += [what for axis in findings.axes for what in _unmeasured(axis)]
+    lost += [row.key for row in rows if isinstance(row, Listing) and row.lost(values[row.key])]
+    failures += [
+        # What verification refused already is not refused twice.
+        {**dict.fromkeys(findings.places, 0), "what": what, "value": None, "limit": None}
+        for what in lost
+        if what not in known
+    ]
+    return {
+        "version": VERSION,
+        **{row.key: row.plain(values[row.key]) for row in rows},
+        "axes": {axis.name: axis.values() for axis in findings.axes},
+        "passed": not failures,
+        "failures": failures,
+    }
+
+
+def _unmeasured(axis: AxisUse) -> Iterator[str]:
+    travel, speed = axis.failures
+    if not (math.isfinite(axis.least) and math.isfinite(axis.greatest)):
+        yield travel
+    if not math.isfinite(axis.top_speed):
+        yield speed
+
+
+def _leaves(value: Any) -> Iterator[Any]:
+    """All values within objects and lists."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list):
+        for part in value:
+            yield from _leaves(part)
+    else:
+        yield value

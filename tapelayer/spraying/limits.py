@@ -1,0 +1,16 @@
+"""Limits: what a spraying setup allows."""
+
+from __future__ import annotations
+
+from tapelayer.spraying.settings import SpraySetup
+from tapelayer.verification.limits import Limit, Limits
+
+
+def limits_of(setup: SpraySetup) -> Limits:
+    """Return the limit of each limited quantity."""
+    position = setup.verification.max_position_error_mm
+    return {
+        "max_deviation_deg": Limit(setup.spray.max_deviation_deg),
+        "max_position_error_mm": Limit(position),
+        "max_surface_distance_mm": Limit(setup.spray.chord_tolerance_mm + position),
+    }

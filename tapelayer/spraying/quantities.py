@@ -1,0 +1,285 @@
+"""Quantities of a spraying report, in the order of the JSON report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from tapelayer.arrays import Floats
+from tapelayer.geometry.mesh import Mesh
+from tapelayer.reporting.quantity import Group, Listing, Quantity, Row, Style, count
+from tapelayer.reporting.words import NONE, Words
+from tapelayer.spraying.coat import Coat
+from tapelayer.spraying.evidence import SprayEvidence, SpraySamples
+from tapelayer.spraying.passes import Plan
+from tapelayer.spraying.program import Slowdown
+from tapelayer.units import DEG, MM, json_number
+
+# Areas below this are rounding, square metres.
+LEAST_AREA = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A program that was judged, with what it was planned for.
+
+    Attributes:
+        evidence: what verification measured.
+        plan: the passes and areas.
+        coat: what the program leaves on the part; None where there is no footprint, as in plating.
+        mesh: the surface in `machine`.
+        slowdowns: where axes hold the gun back.
+        pitch: from pass to pass, metres.
+        standoff: nozzle to surface, metres.
+    """
+
+    evidence: SprayEvidence
+    plan: Plan
+    coat: Coat | None
+    mesh: Mesh
+    slowdowns: Sequence[Slowdown]
+    pitch: float
+    standoff: float
+
+    @property
+    def samples(self) -> SpraySamples:
+        """What was measured with the arc on."""
+        return self.evidence.samples
+
+
+def _largest(values: Floats) -> float:
+    """Largest of the values (n,) that were measured; NaN where none was."""
+    measured = values[~np.isnan(values)]
+    return float(np.max(measured)) if len(measured) else math.nan
+
+
+def _splits(judged: Judged) -> list[dict[str, Any]]:
+    return [
+        {"pass": split.number, **_place(split.point), "reason": split.reason or None}
+        for split in judged.evidence.splits
+    ]
+
+
+def _slowdowns(judged: Judged) -> list[dict[str, Any]]:
+    return [
+        {"pass": slow.number, **_place(slow.point), "axis": slow.axis, "speed_mm_per_s": slow.speed / MM}
+        for slow in judged.slowdowns
+    ]
+
+
+def _unreachable(judged: Judged) -> list[dict[str, Any]]:
+    """Areas that are not sprayed, by reason; `facing` is what is too steep for a gun from above."""
+    plan = judged.plan
+    areas = (("facing", plan.too_steep), ("hidden", plan.hidden), ("travel", plan.beyond_travel))
+    return [{"reason": reason, "area_m2": area} for reason, area in areas if area > LEAST_AREA]
+
+
+def _mesh(judged: Judged) -> dict[str, Any]:
+    """Counts of facets, and of what was mended or only noticed."""
+    mended = {name: count for name, count in asdict(judged.mesh.mending).items() if name != "facets_read"}
+    return {"facets": len(judged.mesh.facets), "mended": mended}
+
+
+def _thickness(judged: Judged) -> dict[str, Any] | None:
+    """Thickness of the coat; relative in keys that end in _rel."""
+    coat = judged.coat
+    if coat is None:
+        return None
+    even = coat.evenness
+    scale, unit = (1.0, "rel") if coat.relative else (1e6, "um")
+    thickness = {
+        "mean": even.mean,
+        "interior_mean": even.interior_mean,
+        "least": float(np.min(coat.thickness)),
+        "greatest": float(np.max(coat.thickness)),
+    }
+    return {f"{name}_{unit}": json_number(value * scale) for name, value in thickness.items()}
+
+
+def _place(point: tuple[float, float, float]) -> dict[str, float]:
+    return {f"{name}_mm": value / MM for name, value in zip("xyz", point, strict=True)}
+
+
+ROWS: tuple[Row[Judged], ...] = (
+    count(
+        "passes",
+        Words("passes", "喷涂道次数"),
+        Words("passes that the part asks for", "工件所需的喷涂道次"),
+        lambda j: j.evidence.passes,
+    ),
+    count(
+        "points",
+        Words("points", "点数"),
+        Words("points of the passes", "各喷涂道次的点数"),
+        lambda j: j.evidence.points,
+    ),
+    count(
+        "layers",
+        Words("layers", "层数"),
+        Words("how often the part is sprayed over", "工件被喷涂的遍数"),
+        lambda j: j.evidence.layers,
+    ),
+    count(
+        "blocks",
+        Words("blocks", "程序段"),
+        Words("blocks in the program: motions, dwells and switching words", "程序中的程序段：运动、暂停和开关指令"),
+        lambda j: j.evidence.blocks,
+        headline=True,
+    ),
+    Quantity(
+        "pitch_mm",
+        Words("pitch", "道距"),
+        Words("from pass to pass", "道与道的间距"),
+        "mm",
+        3,
+        lambda j: j.pitch / MM,
+        Group.FACT,
+    ),
+    Quantity(
+        "standoff_mm",
+        Words("standoff", "喷距"),
+        Words("nozzle to surface, 0 in plating", "喷嘴到表面的距离，电刷镀为 0"),
+        "mm",
+        1,
+        lambda j: j.standoff / MM,
+        Group.FACT,
+    ),
+    Listing("splits", _splits),
+    Listing("slowdowns", _slowdowns),
+    Quantity(
+        "sprayed_area_m2",
+        Words("sprayed area", "喷涂面积"),
+        Words("surface that the passes go over", "喷涂道次经过的表面积"),
+        "m2",
+        4,
+        lambda j: j.plan.sprayed,
+        Group.FACT,
+    ),
+    Listing("unreachable", _unreachable),
+    Listing("mesh", _mesh),
+    Quantity(
+        "max_deviation_deg",
+        Words("deviation of the gun", "喷枪偏角"),
+        Words("gun off the facets' normals, but near creases", "喷枪偏离三角面法向的角度，折痕旁除外"),
+        "deg",
+        3,
+        lambda j: _largest(j.samples.deviations[~j.samples.exempt]) / DEG,
+        headline=True,
+        absent=NONE,
+    ),
+    Quantity(
+        "crease_length_mm",
+        Words("length beside creases", "折痕旁长度"),
+        Words("length of the stretches near creases, where no deviation counts", "折痕旁不计偏角的路径长度"),
+        "mm",
+        1,
+        lambda j: j.evidence.crease_length / MM,
+        absent=NONE,
+    ),
+    Quantity(
+        "max_crease_deviation_deg",
+        Words("deviation beside creases", "折痕旁偏角"),
+        Words("gun off the facets' normals in them", "折痕旁喷枪偏离三角面法向的角度"),
+        "deg",
+        3,
+        lambda j: _largest(j.samples.deviations[j.samples.exempt]) / DEG,
+        absent=NONE,
+    ),
+    Quantity(
+        "max_position_error_mm",
+        Words("position error", "位置误差"),
+        Words("P off the smoothed path", "P 点偏离光顺路径的距离"),
+        "mm",
+        4,
+        lambda j: _largest(j.samples.position_errors) / MM,
+        headline=True,
+        absent=NONE,
+    ),
+    Quantity(
+        "max_surface_distance_mm",
+        Words("distance from the facets", "与三角面距离"),
+        Words("P off the facet that it passes", "P 点偏离所经三角面的距离"),
+        "mm",
+        4,
+        lambda j: _largest(j.samples.surface_distances) / MM,
+        absent=NONE,
+    ),
+    Quantity(
+        "max_arc_distance_mm",
+        Words("arc beside the part", "电弧超出工件"),
+        Words("lit arc beside the part, in plan", "俯视方向上点燃的电弧超出工件的距离"),
+        "mm",
+        2,
+        lambda j: j.evidence.greatest_arc_distance / MM,
+        absent=NONE,
+    ),
+    Quantity(
+        "max_forward_disagreement_m",
+        Words("forward disagreement", "正解偏差"),
+        Words("Pinocchio itself against the batch evaluator", "Pinocchio 本身与批量求值器的差"),
+        "m",
+        1,
+        lambda j: j.evidence.forward_disagreement,
+        style=Style.POWER,
+        absent=NONE,
+    ),
+    Quantity(
+        "coverage_percent",
+        Words("coverage", "覆盖率"),
+        Words(
+            "share of the reachable area with more than half the interior's mean thickness",
+            "可达面积中厚度超过内部平均一半的比例",
+        ),
+        "%",
+        2,
+        lambda j: None if j.coat is None else j.coat.evenness.coverage_percent,
+        headline=True,
+        absent=NONE,
+    ),
+    Quantity(
+        "cv_percent",
+        Words("thickness deviation", "厚度离散"),
+        Words(
+            "standard deviation of the thickness over its mean, everything reachable",
+            "可达面积内厚度标准差与平均值之比",
+        ),
+        "%",
+        2,
+        lambda j: None if j.coat is None else j.coat.evenness.cv_percent,
+        absent=NONE,
+    ),
+    Quantity(
+        "cv_interior_percent",
+        Words("without the border", "不含边缘"),
+        Words("the same without a border band of one spot radius", "同上，不含一个斑点半径宽的边缘带"),
+        "%",
+        2,
+        lambda j: None if j.coat is None else j.coat.evenness.cv_interior_percent,
+        absent=NONE,
+    ),
+    Listing("thickness", _thickness),
+    Quantity(
+        "duration_s",
+        Words("duration", "时长"),
+        Words("time of the program", "程序用时"),
+        "s",
+        1,
+        lambda j: j.evidence.duration,
+        Group.FACT,
+        headline=True,
+    ),
+    Quantity(
+        "arc_time_s",
+        Words("arc on", "电弧开启"),
+        Words("time with the arc on", "电弧开启的时间"),
+        "s",
+        1,
+        lambda j: j.evidence.arc_time,
+        Group.FACT,
+    ),
+    Listing("program_sha256", lambda j: j.evidence.program_sha256),
+)

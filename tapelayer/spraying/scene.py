@@ -1,0 +1,76 @@
+"""Scene of a spraying program: errors with the arc on, the part, and the coat as it grows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Ints, Mask
+from tapelayer.geometry.mesh import Mesh
+from tapelayer.jobs.kind import Scene, SceneTable
+from tapelayer.spraying.coat import Coat, growth
+from tapelayer.spraying.evidence import SpraySamples
+from tapelayer.spraying.job import SprayResult
+from tapelayer.spraying.settings import SpraySetup
+from tapelayer.units import DEG, MM
+
+MOST_COAT_SAMPLES = 20_000
+COAT_MOMENTS = 64
+
+
+def scene(result: SprayResult, mould: Mesh | None) -> Scene:
+    """Return what a page draws of a result; the part is its own mould."""
+    samples, coat = result.evidence.samples, result.judged.coat
+    numbers = np.array([one.path.number for one in result.job.pass_plan.passes])
+    tables = {"errors": error_table(samples, numbers)}
+    if coat is not None:
+        tables["coat"] = coat_table(coat, samples, result.job.setup)
+    return Scene(numbers.tolist(), tables, {"part": result.job.mesh})
+
+
+def error_table(samples: SpraySamples, numbers: Ints) -> SceneTable:
+    """What was measured with the arc on; `beside_crease` is 1 where no deviation counts.
+
+    Args:
+        samples: with the arc on.
+        numbers: number of each pass, by its index.
+    """
+    columns = {
+        "time_s": samples.times,
+        "pass": numbers[samples.passes.astype(np.int64)],
+        "arc_length_mm": samples.arc_lengths / MM,
+        "position_error_mm": samples.position_errors / MM,
+        "surface_distance_mm": samples.surface_distances / MM,
+        "deviation_deg": samples.deviations / DEG,
+        "beside_crease": samples.exempt,
+    }
+    return SceneTable(tuple(columns), np.column_stack(list(columns.values())))
+
+
+def coat_table(coat: Coat, samples: SpraySamples, setup: SpraySetup) -> SceneTable:
+    """Samples of the surface with their thickness while the coat grows; `times` of these moments, and the `unit`.
+
+    Args:
+        coat: what the program leaves.
+        samples: places and times with the arc on.
+        setup: the job's values.
+    """
+    chosen = _spread(coat.surface.points, float(np.sum(coat.surface.areas)))
+    times, thickness = growth(coat, samples, setup, chosen, COAT_MOMENTS)
+    scale, unit = (1.0, "relative") if coat.relative else (1e6, "um")
+    moments = tuple(f"t{number}" for number in range(COAT_MOMENTS))
+    rows = np.hstack([coat.surface.points[chosen] / MM, thickness * scale])
+    return SceneTable(("x_mm", "y_mm", "z_mm", *moments), rows, {"times": times.tolist(), "unit": unit})
+
+
+def _spread(points: Floats, area: float) -> Mask:
+    """Points (m,), of at most so many, that are chosen evenly from those of a surface of that area (m^2)."""
+    chosen = np.ones(len(points), dtype=np.bool_)
+    cell = math.sqrt(area / MOST_COAT_SAMPLES)
+    while np.count_nonzero(chosen) > MOST_COAT_SAMPLES:
+        _, first = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_index=True)
+        chosen = np.zeros(len(points), dtype=np.bool_)
+        chosen[first] = True
+        cell *= 1.1
+    return chosen

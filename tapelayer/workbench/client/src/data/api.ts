@@ -1,0 +1,322 @@
+import { KINDS } from "./kinds";
+import type { Blocks, Job, Kind, KindTold, Limit, Made, Problem, Report, SetupValues, Table, TableName } from "./types";
+
+const ROOT = "/api/v1";
+
+/** What the server refused, as its problem details; code `unreachable` where it did not answer. */
+export class Refused extends Error {
+  constructor(readonly problem: Problem) {
+    super(problem.detail);
+  }
+}
+
+export interface Example {
+  name: string;
+  kind: Kind;
+  title: string;
+}
+
+export interface Controller {
+  name: string;
+  title: string;
+}
+
+export interface Session {
+  token_required: boolean;
+  signed_in: boolean;
+  version: string;
+}
+
+export interface Request {
+  file: File;
+  kind: Kind;
+  setup: string;
+  unit: string;
+  mould: File | null;
+  parts: File[];
+}
+
+let signedIn: () => Promise<void> = () => Promise.resolve();
+
+/** Names what waits for a token; what the server refused without one is asked again then. */
+export function onUnauthorized(wait: () => Promise<void>): void {
+  signedIn = wait;
+}
+
+function ask(path: string, init: RequestInit = {}): Promise<Response> {
+  return reach(ROOT + path, init);
+}
+
+/** What this server answers at an address, which is no refusal. */
+export async function reach(address: string, init: RequestInit = {}): Promise<Response> {
+  let response: Response;
+  try {
+    response = await fetch(address, init);
+  } catch (error) {
+    if (error instanceof DOMException && error.name === "AbortError") throw error;
+    throw new Refused({ type: "", title: "", status: 0, code: "unreachable", detail: String(error) });
+  }
+  if (response.ok) return response;
+  const problem = await problemOf(response);
+  if (problem.code !== "token-required") throw new Refused(problem);
+  await signedIn();
+  return reach(address, init);
+}
+
+async function problemOf(response: Response): Promise<Problem> {
+  if (response.headers.get("content-type")?.includes("json")) return (await response.json()) as Problem;
+  const { status, statusText } = response;
+  return { type: "", title: statusText, status, code: "internal", detail: `${status} ${statusText}` };
+}
+
+async function askJson<T>(path: string, init?: RequestInit): Promise<T> {
+  return (await (await ask(path, init)).json()) as T;
+}
+
+function postJson(path: string, value: unknown): Promise<Response> {
+  return ask(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(value) });
+}
+
+/** A table of little-endian float32 values as the server sends it. */
+function tableOf(data: Float32Array, columns: string[], times: number[] = [], unit = ""): Table {
+  const width = columns.length;
+  const rows = width ? data.length / width : 0;
+  const index = (name: string): number => columns.indexOf(name);
+  return {
+    columns,
+    rows,
+    data,
+    times,
+    unit,
+    index,
+    at: (row, name) => data[row * width + index(name)] ?? Number.NaN,
+    column(name) {
+      const from = index(name);
+      const values = new Float32Array(rows);
+      if (from < 0) return values.fill(Number.NaN);
+      for (let row = 0; row < rows; row++) values[row] = data[row * width + from]!;
+      return values;
+    },
+  };
+}
+
+function listed(response: Response, header: string): string[] {
+  const text = response.headers.get(header) ?? "";
+  return text ? text.split(",").map((name) => name.trim()) : [];
+}
+
+async function table(id: string, name: TableName): Promise<Table> {
+  const response = await ask(`/jobs/${id}/${name}`);
+  const times = listed(response, "X-Times").map(Number);
+  const columns = listed(response, "X-Columns");
+  return tableOf(new Float32Array(await response.arrayBuffer()), columns, times, response.headers.get("X-Unit") ?? "");
+}
+
+export const session = (): Promise<Session> => askJson("/session");
+export const signIn = (token: string): Promise<Response> => postJson("/session", { token });
+export const signOut = (): Promise<Response> => ask("/session", { method: "DELETE" });
+
+export interface Schema {
+  type?: string;
+  description?: string;
+  default?: unknown;
+  enum?: string[];
+  const?: unknown;
+  anyOf?: Schema[];
+  items?: Schema;
+  properties?: Record<string, Schema>;
+  additionalProperties?: Schema | boolean;
+  $ref?: string;
+  $defs?: Record<string, Schema>;
+  minimum?: number;
+  maximum?: number;
+  exclusiveMinimum?: number;
+  exclusiveMaximum?: number;
+}
+
+const answers = new Map<string, Promise<unknown>>();
+
+/** Asks for what stays as it is while the server runs; asks again only where that failed. */
+function askOnce<T>(path: string): Promise<T> {
+  const found = answers.get(path) ?? askJson<T>(path);
+  answers.set(path, found);
+  found.catch(() => answers.delete(path));
+  return found as Promise<T>;
+}
+
+/** What jobs of each kind report. */
+export async function kinds(): Promise<KindTold[]> {
+  return (await askOnce<{ kinds: KindTold[] }>("/quantities")).kinds;
+}
+
+/** JSON schema of a kind's setup. */
+export const setupSchema = (kind: Kind): Promise<Schema> => askOnce(`/setup-schema?kind=${kind}`);
+
+/** The values of a setup with the defaults of every key that is not set. */
+function effective(schema: Schema, values: SetupValues): SetupValues {
+  const sections = Object.entries(schema.properties ?? {});
+  return Object.fromEntries(
+    sections.map(([name, { default: defaults }]) => [name, { ...(defaults as object), ...values[name] }]),
+  );
+}
+
+export interface Machine {
+  name: string;
+  title: string;
+  axes: { name: string; unit: string; lower: number; upper: number; speed: number }[];
+  frames: string[];
+}
+
+export async function machines(): Promise<Machine[]> {
+  return (await askOnce<{ machines: Machine[] }>("/machines")).machines;
+}
+
+export async function controllers(): Promise<Controller[]> {
+  return (await askOnce<{ controllers: Controller[] }>("/controllers")).controllers;
+}
+
+export async function examples(): Promise<Example[]> {
+  return (await askJson<{ examples: Example[] }>("/examples")).examples;
+}
+
+export async function exampleFile(name: string): Promise<File> {
+  return new File([await (await ask(`/examples/${encodeURIComponent(name)}`)).blob()], name);
+}
+
+/** The file that a job was made from. */
+export async function sourceFile({ id, name }: Job): Promise<File> {
+  return new File([await (await ask(`/jobs/${id}/source`)).blob()], name);
+}
+
+/** A file that came along with a job, by its name. */
+export async function partFile({ id }: Job, name: string): Promise<File> {
+  return new File([await (await ask(`/jobs/${id}/parts/${encodeURIComponent(name)}`)).blob()], name);
+}
+
+/** The mould that came along with a job; null where none did. */
+export async function mouldFile({ id, sent }: Job): Promise<File | null> {
+  return sent.mould ? new File([await (await ask(`/jobs/${id}/mould`)).blob()], sent.mould) : null;
+}
+
+export async function jobs(): Promise<Job[]> {
+  return (await askJson<{ jobs: Job[] }>("/jobs")).jobs;
+}
+
+export const job = (id: string): Promise<Job> => askJson(`/jobs/${id}`);
+export const cancelJob = (id: string): Promise<Response> => ask(`/jobs/${id}/cancel`, { method: "POST" });
+export const deleteJob = (id: string): Promise<Response> => ask(`/jobs/${id}`, { method: "DELETE" });
+
+export async function parseSetup(kind: Kind, toml: string): Promise<SetupValues> {
+  const init = { method: "POST", headers: { "Content-Type": "text/plain" }, body: toml };
+  return (await askJson<{ values: SetupValues }>(`/setup/parse?kind=${kind}`, init)).values;
+}
+
+export async function formatSetup(kind: Kind, values: SetupValues): Promise<string> {
+  return (await postJson("/setup/format", { kind, values })).text();
+}
+
+export function createJob(request: Request, signal: AbortSignal): Promise<Job> {
+  const form = new FormData();
+  form.append("file", request.file);
+  form.append("kind", request.kind);
+  if (request.setup) form.append("setup", request.setup);
+  if (KINDS[request.kind].unit) form.append("unit", request.unit);
+  if (request.mould) form.append("mould", request.mould);
+  for (const part of request.parts) form.append("parts", part);
+  return askJson("/jobs", { method: "POST", body: form, signal });
+}
+
+export interface Watch {
+  onState(job: Job): void;
+  onProgress(progress: number, stage: string): void;
+  /** The server does not answer; it is asked again and again. */
+  onLost(): void;
+}
+
+// After so long a server that did not answer is asked again.
+const AGAIN_MS = 1500;
+
+export const underWay = ({ state }: Job): boolean => state === "queued" || state === "running";
+
+/** Follows a job to its end, over every break of the connection; gives the job as it ended. */
+export async function watchJob(id: string, watch: Watch, signal: AbortSignal): Promise<Job> {
+  for (;;) {
+    const end = await listen(id, watch, signal);
+    if (end) return end;
+    try {
+      const now = await job(id);
+      if (!underWay(now)) return now;
+    } catch (error) {
+      if (!(error instanceof Refused) || error.problem.code !== "unreachable") throw error;
+      watch.onLost();
+    }
+    await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+    signal.throwIfAborted();
+  }
+}
+
+/** Hears of a job until it ends; null where the connection broke before. */
+function listen(id: string, watch: Watch, signal: AbortSignal): Promise<Job | null> {
+  return new Promise((resolve, reject) => {
+    const source = new EventSource(`${ROOT}/jobs/${id}/events`);
+    const told = (event: MessageEvent<string>): Job => JSON.parse(event.data) as Job;
+    const leave = (): void => {
+      source.close();
+      reject(signal.reason);
+    };
+    const close = (end: Job | null): void => {
+      signal.removeEventListener("abort", leave);
+      source.close();
+      resolve(end);
+    };
+    signal.addEventListener("abort", leave);
+    source.addEventListener("state", (event) => watch.onState(told(event)));
+    source.addEventListener("progress", (event) => {
+      const { progress, stage } = told(event);
+      watch.onProgress(progress, stage);
+    });
+    source.addEventListener("done", (event) => close(told(event)));
+    source.addEventListener("error", () => close(null));
+  });
+}
+
+/** The values that a job's setup sets. */
+export async function jobSetup({ id, kind }: Job): Promise<SetupValues> {
+  return parseSetup(kind, await (await ask(`/jobs/${id}/setup`)).text());
+}
+
+/** Everything a finished or judged-bad job made that the page shows at once; the rest comes when asked for. */
+export async function load(made: Job): Promise<Made> {
+  const path = `/jobs/${made.id}`;
+  const { kind } = made;
+  const [report, poses, blocks, changed, schema, told, { limits }, program] = await Promise.all([
+    askJson<Report>(`${path}/report.json`),
+    table(made.id, "poses"),
+    askJson<Blocks>(`${path}/blocks`),
+    jobSetup(made),
+    setupSchema(kind),
+    kinds(),
+    askJson<{ limits: Record<string, Limit> }>(`${path}/limits`),
+    // A program that was judged bad is withheld.
+    made.results.includes("program") ? ask(`${path}/program`).then((response) => response.text()) : null,
+  ]);
+  const tables = new Map<TableName, Promise<Table | null>>([["poses", Promise.resolve(poses)]]);
+  return {
+    job: made,
+    kind,
+    report,
+    poses,
+    blocks,
+    setup: effective(schema, changed),
+    changed,
+    quantities: told.find((each) => each.kind === kind)!.quantities,
+    limits,
+    program,
+    url: (what) => `${ROOT}${path}/${what}`,
+    table(name) {
+      const found = tables.get(name) ?? (made.results.includes(name) ? table(made.id, name) : Promise.resolve(null));
+      tables.set(name, found);
+      return found;
+    },
+  };
+}

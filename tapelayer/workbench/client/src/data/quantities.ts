@@ -1,0 +1,89 @@
+import { currentLanguage } from "../i18n";
+import type { Failure, Made, Quantity, Translate, Words } from "./types";
+
+/** A text in the page's language. */
+export const inWords = (words: Words): string => words[currentLanguage()];
+
+// As good as a power of ten.
+const POWER = 10;
+
+/** A number with fixed digits and without a sign on zero; tiny ones as powers of ten. */
+export function fixed(value: number, digits: number): string {
+  if (digits >= POWER) return value.toExponential(1);
+  const text = value.toFixed(digits);
+  return /^-0\.?0*$/.test(text) ? text.slice(1) : text;
+}
+
+/** So many digits after the point as wanted, or as few as a float32 of a program's own word still holds. */
+export function digitsOf(value: number, wanted: number): number {
+  const size = Math.abs(value);
+  return size < 2 ** 14 ? wanted : Math.min(size < 2 ** 17 ? 2 : 1, wanted);
+}
+
+/** A limit or a tick in the fewest digits. */
+export function plain(value: number): string {
+  return String(Number(value.toPrecision(7)));
+}
+
+/** The unit as people write it. */
+const written = (unit: string): string => unit.replace("m2", "m²");
+
+/** A number of the report with its unit, or why there is none. */
+export function shown(value: unknown, { absent, digits, style, unit }: Quantity): string {
+  if (typeof value !== "number") return inWords(absent);
+  return `${fixed(value, style === "power" ? POWER : digits)} ${written(unit)}`.trimEnd();
+}
+
+/** A share in percent, or why there is none. */
+export function percent(value: number | null, t: Translate): string {
+  return value === null ? t("report.not_measured") : `${fixed(value, 1)} %`;
+}
+
+const UNITS: [string, string][] = [
+  ["_mm_per_s", "mm/s"],
+  ["_deg_per_s", "deg/s"],
+  ["_mm", "mm"],
+  ["_deg", "deg"],
+  ["_m", "m"],
+  ["_s", "s"],
+];
+
+/** Stem and unit of a key that ends in its unit. */
+export function stemOf(key: string): { stem: string; unit: string } {
+  const [ending, unit] = UNITS.find(([suffix]) => key.endsWith(suffix)) ?? ["", ""];
+  return { stem: key.slice(0, key.length - ending.length), unit };
+}
+
+/** What a failure is about, in words. */
+export function failureName({ what }: Failure, { quantities }: Made, t: Translate): string {
+  const { stem } = stemOf(what);
+  const axis = /^axis_(.+?)(_speed)?$/.exec(stem);
+  if (axis) return t(axis[2] ? "failure.axis_speed" : "failure.axis_travel", { axis: axis[1]! });
+  const device = /^(.+)_(switched_again|left_on|off_every_cut)$/.exec(stem);
+  if (device) return t(`failure.${device[2]}`, { device: t(`device.${device[1]}`) });
+  const moving = /^(rapid|stop|pause)_with_(.+)_on$/.exec(stem);
+  if (moving) return t(`failure.${moving[1]}_with`, { device: t(`device.${moving[2]}`) });
+  const measured = quantities.find(({ failure }) => failure === what);
+  if (measured) return inWords(measured.words);
+  const key = `failure.${stem}`;
+  const text = t(key);
+  return text === key ? stem.replaceAll("_", " ") : text;
+}
+
+// Digits behind the point of a failure's value, and of one that is as good as its limit.
+const DIGITS = 4;
+const MOST_DIGITS = 9;
+
+/** A failure's value with its unit, in so many digits that it is not the limit. */
+export function failureValue({ limit, value, what }: Failure, t: Translate): string {
+  if (value === null) return t("report.not_finite");
+  if (Number.isInteger(value)) return limitValue(value, what);
+  let digits = DIGITS;
+  while (limit !== null && digits < MOST_DIGITS && Number(value.toFixed(digits)) === limit) digits += 1;
+  return `${fixed(value, digits)} ${stemOf(what).unit}`.trimEnd();
+}
+
+/** The limit of a failure with its unit. */
+export function limitValue(limit: number, what: string): string {
+  return `${plain(limit)} ${stemOf(what).unit}`.trimEnd();
+}

@@ -1,0 +1,39 @@
+import type { Selection } from "./types";
+
+/** What the browser remembers between visits: language, theme, sizes, the last setup. */
+export function remembered<T>(key: string, otherwise: T): T {
+  try {
+    const text = localStorage.getItem(`tapelayer.${key}`);
+    return text === null ? otherwise : (JSON.parse(text) as T);
+  } catch {
+    // A browser may refuse storage, and another version may have left something else there.
+    return otherwise;
+  }
+}
+
+export function remember(key: string, value: unknown): void {
+  try {
+    localStorage.setItem(`tapelayer.${key}`, JSON.stringify(value));
+  } catch {
+    // Without storage the page works all the same; it only forgets.
+  }
+}
+
+/** The course that the engineer looks at; 0 is none. */
+export function createSelection(): Selection {
+  const listeners = new Set<(course: number) => void>();
+  let course = 0;
+  return {
+    get course() {
+      return course;
+    },
+    select(next) {
+      course = next;
+      for (const listener of listeners) listener(next);
+    },
+    onChange(listener) {
+      listeners.add(listener);
+      return () => listeners.delete(listener);
+    },
+  };
+}

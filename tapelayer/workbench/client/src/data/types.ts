@@ -1,0 +1,209 @@
+export type Kind = "lay" | "spray";
+
+export type State = "queued" | "running" | "done" | "failed" | "cancelled";
+
+export interface Fault {
+  line?: number | null;
+  column?: number | null;
+  sentence: string;
+  section?: string | null;
+  key?: string | null;
+}
+
+export interface Problem {
+  type: string;
+  title: string;
+  status: number;
+  detail: string;
+  code: string;
+  faults?: Fault[];
+  failures?: Failure[];
+  reference?: string;
+}
+
+export interface Failure {
+  what: string;
+  value: number | null;
+  limit: number | null;
+  line?: number;
+  course?: number;
+  point?: number;
+  [key: string]: unknown;
+}
+
+export interface Summary {
+  blocks: number;
+  courses?: number;
+  passes?: number;
+  duration_s: number;
+  program_sha256: string;
+  passed: boolean;
+  failures: number;
+  max_position_error_mm: number | null;
+  controller: string;
+  bytes: number;
+}
+
+export interface Job {
+  id: string;
+  kind: Kind;
+  name: string;
+  state: State;
+  progress: number;
+  stage: string;
+  created_at: string;
+  summary: Summary | null;
+  error: Problem | null;
+  results: string[];
+  sent: { unit: string; mould: string; parts: string[] };
+  mine: boolean;
+  owner_key?: string;
+}
+
+export interface Table {
+  columns: string[];
+  rows: number;
+  data: Float32Array;
+  times: number[];
+  unit: string;
+  index(column: string): number;
+  at(row: number, column: string): number;
+  column(column: string): Float32Array;
+}
+
+export type TableName = "poses" | "speeds" | "errors" | "tape" | "part" | "coat";
+
+export interface Blocks {
+  rows: number;
+  lines: number[];
+  courses: number[];
+  kinds: number[];
+  kind_names: string[];
+  events: number[];
+  event_names: string[];
+}
+
+export type Report = Record<string, unknown> & {
+  passed: boolean;
+  failures: Failure[];
+  program_sha256: string;
+  axes: Record<string, AxisReport>;
+};
+
+export interface AxisReport {
+  unit: string;
+  min: number | null;
+  max: number | null;
+  lower: number | null;
+  upper: number | null;
+  max_speed: number | null;
+  speed_limit: number | null;
+}
+
+export type SetupValues = Record<string, Record<string, unknown>>;
+
+/** A text in every language of the page. */
+export type Words = Record<"en" | "zh", string>;
+
+/** A number of the report. */
+export interface Quantity {
+  key: string;
+  words: Words;
+  about: Words;
+  /** That it is shown in. */
+  unit: string;
+  /** Behind the point. */
+  digits: number;
+  style: "count" | "fixed" | "power";
+  group: "fact" | "error";
+  /** Why it may have no value. */
+  absent: Words;
+  /** Whether it stands beside the verdict. */
+  headline: boolean;
+  /** What a failure of it is called. */
+  failure: string;
+}
+
+/** What jobs of a kind report, and what they do one after the other. */
+export interface KindTold {
+  kind: Kind;
+  quantities: Quantity[];
+  stages: { name: string; words: Words }[];
+}
+
+export interface Limit {
+  value: number;
+  /** False where the setup leaves the quantity free: it is measured, and fails nothing. */
+  judged: boolean;
+}
+
+export interface Made {
+  job: Job;
+  kind: Kind;
+  report: Report;
+  poses: Table;
+  blocks: Blocks;
+  setup: SetupValues;
+  changed: SetupValues;
+  /** In the order of the report. */
+  quantities: Quantity[];
+  /** Limits of the setup by the key of the quantity. */
+  limits: Record<string, Limit>;
+  program: string | null;
+  url(what: "program" | "report.json" | "report.html" | "trajectory" | "setup" | "source" | "urdf"): string;
+  table(name: TableName): Promise<Table | null>;
+}
+
+export type Translate = (key: string, values?: Record<string, string | number>) => string;
+
+export interface Clock {
+  readonly time: number;
+  readonly row: number;
+  readonly playing: boolean;
+  readonly speed: number;
+  readonly duration: number;
+  seekTime(time_s: number): void;
+  seekRow(row: number): void;
+  seekLine(line: number): void;
+  seekCourse(course: number): void;
+  step(rows: number): void;
+  play(): void;
+  pause(): void;
+  toggle(): void;
+  setSpeed(factor: number): void;
+  onChange(listener: () => void): () => void;
+}
+
+export interface Selection {
+  readonly course: number;
+  select(course: number): void;
+  onChange(listener: (course: number) => void): () => void;
+}
+
+export interface Panel {
+  show(made: Made): void;
+  clear(): void;
+  retranslate(): void;
+  retheme?(): void;
+}
+
+export interface ScenePanel extends Panel {
+  idle(kind: Kind): void;
+}
+
+export interface ProgramPanel extends Panel {
+  openSearch(): void;
+}
+
+export interface PlayerPanel extends Panel {
+  readonly clock: Clock;
+}
+
+export type CreatePlayer = (root: HTMLElement, t: Translate) => PlayerPanel;
+
+export type CreatePanel<P extends Panel = Panel> = (
+  root: HTMLElement,
+  clock: Clock,
+  t: Translate,
+  selection: Selection,
+) => P;

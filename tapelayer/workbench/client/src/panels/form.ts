@@ -1,0 +1,176 @@
+import { controllers, machines, setupSchema, type Controller } from "../data/api";
+import { h } from "../elements";
+import { fieldOf, plain, type Field } from "./fields";
+import { known, t } from "../i18n";
+import { FIRST, KINDS, NAMES } from "../data/kinds";
+import type { Fault, Kind, SetupValues } from "../data/types";
+import { remember, remembered } from "../data/state";
+
+const UNITS: [suffix: RegExp, unit: string][] = [
+  [/_mm_per_s$/, "mm/s"],
+  [/_deg_per_s$/, "°/s"],
+  [/_m_per_min$/, "m/min"],
+  [/_l_per_min$/, "l/min"],
+  [/_mm3_per_s$/, "mm³/s"],
+  [/_mm$/, "mm"],
+  [/_deg$/, "°"],
+  [/_ms$/, "ms"],
+  [/_mpa$/, "MPa"],
+  [/_percent$/, "%"],
+  [/_m$/, "m"],
+  [/_s$/, "s"],
+  [/_a$/, "A"],
+  [/_v$/, "V"],
+];
+
+interface Row {
+  section: string;
+  key: string;
+  field: Field;
+  element: HTMLElement;
+  faultLine: HTMLElement;
+}
+
+export interface Form {
+  /** Shows the parameters of a kind of job with the values that were last there. */
+  show(kind: Kind): Promise<void>;
+  values(): SetupValues;
+  write(values: SetupValues): void;
+  /** Whether everything can be sent; goes to the first field that cannot. */
+  check(): boolean;
+  /** Puts each fault at its field. */
+  faults(faults: Fault[]): void;
+  retranslate(): void;
+}
+
+function titleOf({ name, title }: Controller): string {
+  return known(`controller.${name}`) ? t(`controller.${name}`) : title;
+}
+
+function unitOf(key: string): string {
+  return UNITS.find(([suffix]) => suffix.test(key))?.[1] ?? "";
+}
+
+/** The parameters as a form, made from the setup's schema; only what differs from the defaults is a value. */
+export function createForm(root: HTMLElement, files: () => string[]): Form {
+  const drafts = Object.fromEntries(
+    NAMES.map((kind) => [kind, remembered<SetupValues>(`setup.${kind}`, {})]),
+  ) as Record<Kind, SetupValues>;
+  let rows: Row[] = [];
+  let counts = new Map<string, HTMLElement>();
+  let current: Kind = FIRST;
+  let controls: Controller[] = [];
+
+  const choices = (key: string): { value: string; title: string }[] => {
+    const built = key === "controller" ? controls.map((each) => ({ value: each.name, title: titleOf(each) })) : [];
+    const ending = { controller: /\.toml$/i, urdf: /\.urdf$/i }[key] ?? /(?<!\.urdf|\.toml)$/i;
+    return [...built, ...files().filter((name) => ending.test(name)).map((value) => ({ value, title: value }))];
+  };
+
+  const values = (): SetupValues => {
+    const set: SetupValues = {};
+    for (const { section, key, field } of rows) {
+      const value = field.read();
+      if (value !== undefined) (set[section] ??= {})[key] = value;
+    }
+    return set;
+  };
+
+  const changed = (): void => {
+    const set = values();
+    drafts[current] = set;
+    remember(`setup.${current}`, set);
+    for (const row of rows) row.element.classList.toggle("changed", set[row.section]?.[row.key] !== undefined);
+    for (const [section, count] of counts) count.textContent = String(Object.keys(set[section] ?? {}).length || "");
+  };
+
+  const mark = (row: Row, sentence: string): void => {
+    row.faultLine.textContent = sentence;
+    row.element.classList.toggle("faulty", sentence !== "");
+    if (sentence) row.field.first.setAttribute("aria-invalid", "true");
+    else row.field.first.removeAttribute("aria-invalid");
+  };
+
+  const write = (set: SetupValues): void => {
+    for (const row of rows) {
+      row.field.write(set[row.section]?.[row.key]);
+      mark(row, "");
+    }
+    changed();
+  };
+
+  const open = (row: Row): void => {
+    row.element.closest("details")!.open = true;
+    row.element.scrollIntoView({ block: "nearest" });
+  };
+
+  return {
+    async show(kind) {
+      const [schema, models, built] = await Promise.all([setupSchema(kind), machines(), controllers()]);
+      current = kind;
+      controls = built;
+      const machine = models.find(({ name }) => name === KINDS[kind].machine);
+      const around = { choices, axes: machine?.axes ?? [] };
+      const openSections = remembered<string[]>(`open.${kind}`, ["part", "process", "spray"]);
+      rows = [];
+      counts = new Map();
+      const sections = Object.entries(schema.properties ?? {}).map(([section, reference]) => {
+        const count = h("span", { class: "count" });
+        counts.set(section, count);
+        const summary = h("summary", {}, h("span", { t: `setup.${kind}.${section}` }), count);
+        const details = h("details", { testid: `section-${section}` }, summary);
+        details.open = openSections.includes(section);
+        details.addEventListener("toggle", () => {
+          const names = [...root.querySelectorAll("details")].filter((each) => each.open);
+          remember(`open.${kind}`, names.map((each) => each.dataset["testid"]!.replace("section-", "")));
+        });
+        for (const [key, property] of Object.entries(plain(reference, schema).properties ?? {})) {
+          const id = `field-${section}-${key}`;
+          const name = `setup.${kind}.${section}.${key}`;
+          const field = fieldOf(id, key, plain(property, schema), around);
+          const faultLine = h("p", { class: "fault", id: `${id}-fault` });
+          const about = h("p", { class: "about", id: `${id}-about`, t: `${name}.about` });
+          const label = h("label", { for: field.first.id, tTitle: `${name}.about` }, h("span", { t: name }));
+          const unit = h("span", { class: "unit", title: key }, unitOf(key));
+          const element = h("div", { class: "field" }, label, field.element, unit, about, faultLine);
+          // A field with rows of its own is announced as a group.
+          if (field.first !== field.element) element.classList.add("wide");
+          field.first.setAttribute("aria-describedby", `${about.id} ${faultLine.id}`);
+          const row = { section, key, field, element, faultLine };
+          field.element.addEventListener("input", () => {
+            mark(row, field.fault());
+            changed();
+          });
+          rows.push(row);
+          details.append(element);
+        }
+        return details;
+      });
+      root.replaceChildren(...sections);
+      write(drafts[kind]);
+    },
+    values,
+    write,
+    check() {
+      for (const row of rows) mark(row, row.field.fault());
+      const faulty = rows.find((row) => row.faultLine.textContent);
+      if (!faulty) return true;
+      open(faulty);
+      faulty.field.first.focus();
+      return false;
+    },
+    faults(faults) {
+      for (const { section, key, sentence } of faults) {
+        const row = rows.find((each) => each.section === section && each.key === key);
+        if (!row) continue;
+        mark(row, sentence);
+        open(row);
+      }
+    },
+    retranslate() {
+      for (const { field } of rows) field.offer?.();
+      for (const row of rows) if (row.faultLine.textContent) mark(row, row.field.fault() || row.faultLine.textContent);
+    },
+  };
+}
+

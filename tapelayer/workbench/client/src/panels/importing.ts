@@ -1,0 +1,196 @@
+import { exampleFile, examples, type Example } from "../data/api";
+import { h } from "../elements";
+import { known, t } from "../i18n";
+import { FIRST, KINDS, kindOfSource, NAMES } from "../data/kinds";
+import type { Kind } from "../data/types";
+
+/** The file that a job is made from; a job that is shown again has its file on the server. */
+export interface Source {
+  name: string;
+  file(): Promise<File>;
+}
+
+export interface Import {
+  readonly kind: Kind;
+  readonly source: Source | null;
+  readonly mould: File | null;
+  readonly parts: File[];
+  readonly unit: string;
+  /** Takes the file of a job and what came along with it. */
+  bring(source: Source, kind: Kind, unit: string, mould: File | null, parts: File[]): void;
+  clear(): void;
+  askForFile(): void;
+  /** Asks the server for its examples. */
+  start(): void;
+  retranslate(): void;
+}
+
+const FURTHER = /\.(urdf|toml)$/i;
+const UNITS = ["mm", "m", "in"];
+
+const uploaded = (file: File): Source => ({ name: file.name, file: async () => file });
+
+/** A field that takes files, worn by its label. */
+function picker(testid: string, key: string, accept: string, many: boolean, took: (files: File[]) => void): HTMLElement {
+  const input = h("input", { type: "file", id: testid, testid, accept, multiple: many, class: "hidden-input" });
+  input.addEventListener("change", () => {
+    took([...(input.files ?? [])]);
+    // The same file chosen again, mended in between, has to be a change as well.
+    input.value = "";
+  });
+  return h("span", { class: "picker" }, input, h("label", { for: testid, class: "button", t: key }));
+}
+
+/** Import: the file, what is made of it, and what belongs to it. */
+export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, onProblem: (error: unknown) => void): Import {
+  let kind: Kind = FIRST;
+  let source: Source | null = null;
+  let mould: File | null = null;
+  let parts: File[] = [];
+  let offered: Example[] = [];
+
+  const setKind = (next: Kind): void => {
+    const other = next !== kind;
+    kind = next;
+    for (const [name, radio] of radios) radio.checked = name === kind;
+    unitRow.hidden = !KINDS[kind].unit;
+    mouldRow.hidden = !KINDS[kind].mould;
+    if (other) onKind(kind);
+  };
+
+  const take = (next: Source, nextKind: Kind): void => {
+    source = next;
+    setKind(nextKind);
+    draw();
+  };
+
+  const takeFiles = (files: File[]): void => {
+    const main = files.find((file) => !FURTHER.test(file.name));
+    parts = [...parts, ...files.filter((file) => file !== main)];
+    if (main) take(uploaded(main), kindOfSource(main.name));
+    else draw();
+  };
+
+  const draw = (): void => {
+    fileName.textContent = source?.name ?? t("import.none");
+    fileName.classList.toggle("none", !source);
+    const removable = [
+      ...(mould ? [chip(mould.name, "import.mould", () => (mould = null))] : []),
+      ...parts.map((part) => chip(part.name, "import.part", () => (parts = parts.filter((each) => each !== part)))),
+    ];
+    chips.replaceChildren(...removable);
+  };
+
+  const chip = (name: string, key: string, remove: () => void): HTMLElement => {
+    const drop = (): void => {
+      remove();
+      draw();
+    };
+    const button = h("button", { type: "button", class: "quiet", tLabel: "remove", onclick: drop }, "✕");
+    return h("li", {}, h("span", { class: "unit", t: key }), h("span", { class: "name", title: name }, name), button);
+  };
+
+  const fileName = h("output", { testid: "file-name", class: "file-name" });
+  const chips = h("ul", { class: "chips" });
+  const file = picker("import-file", "import.choose", "", true, takeFiles);
+  const zone = h("div", { class: "drop", testid: "drop-zone" }, file, h("span", { t: "import.drop", class: "about" }), fileName);
+  const radios = new Map<Kind, HTMLInputElement>();
+  const kinds = h("div", { role: "radiogroup", class: "segments", tLabel: "import.kind" });
+  for (const name of NAMES) {
+    const id = `kind-${name}`;
+    const radio = h("input", { type: "radio", name: "kind", value: name, id, testid: id, onchange: () => setKind(name) });
+    radios.set(name, radio);
+    kinds.append(radio, h("label", { for: id, t: `kind.${name}` }));
+  }
+  const unit = h("select", { id: "unit", testid: "unit" }, ...UNITS.map((each) => h("option", { value: each }, each)));
+  const unitRow = h("div", { class: "row" }, h("label", { for: "unit", t: "import.unit" }), unit);
+  const mouldPicker = picker("import-mould", "import.choose-mould", ".stl", false, ([chosen]) => {
+    mould = chosen ?? mould;
+    draw();
+  });
+  const mouldRow = h("div", { class: "row", tTitle: "import.mould.about" }, mouldPicker);
+  const further = picker("import-parts", "import.choose-parts", "", true, (files) => {
+    parts = [...parts, ...files];
+    draw();
+  });
+  const more = h("div", { class: "row", tTitle: "import.parts.about" }, mouldRow, further);
+  const example = h("select", { id: "example-select", testid: "example-select", tLabel: "import.example" });
+  example.addEventListener("change", () => {
+    const chosen = offered.find(({ name }) => name === example.value);
+    if (!chosen) return;
+    exampleFile(chosen.name).then((found) => {
+      take(uploaded(found), chosen.kind);
+      example.value = "";
+    }, onProblem);
+  });
+
+  const offer = (): void => {
+    const title = ({ name, title: english }: Example): string =>
+      known(`example.${name}`) ? t(`example.${name}`) : english;
+    example.replaceChildren(
+      h("option", { value: "" }, t("import.example")),
+      ...offered.map((each) => h("option", { value: each.name }, title(each))),
+    );
+  };
+
+  const over = (event: DragEvent): boolean => event.dataTransfer?.types.includes("Files") ?? false;
+  addEventListener("dragover", (event) => {
+    if (!over(event)) return;
+    event.preventDefault();
+    zone.classList.add("over");
+  });
+  addEventListener("dragleave", (event) => {
+    if (!event.relatedTarget) zone.classList.remove("over");
+  });
+  addEventListener("drop", (event) => {
+    if (!over(event)) return;
+    event.preventDefault();
+    zone.classList.remove("over");
+    takeFiles([...event.dataTransfer!.files]);
+  });
+
+  root.append(h("h2", { t: "import" }), zone, example, kinds, unitRow, more, chips);
+  setKind(kind);
+  draw();
+  offer();
+  return {
+    get kind() {
+      return kind;
+    },
+    get source() {
+      return source;
+    },
+    get mould() {
+      return KINDS[kind].mould ? mould : null;
+    },
+    get parts() {
+      return parts;
+    },
+    get unit() {
+      return unit.value;
+    },
+    bring(next, nextKind, nextUnit, nextMould, others) {
+      parts = others;
+      mould = nextMould;
+      unit.value = nextUnit;
+      take(next, nextKind);
+    },
+    clear() {
+      source = null;
+      mould = null;
+      parts = [];
+      draw();
+    },
+    askForFile: () => document.getElementById("import-file")!.focus(),
+    start() {
+      examples().then((found) => {
+        offered = found;
+        offer();
+      }, onProblem);
+    },
+    retranslate() {
+      draw();
+      offer();
+    },
+  };
+}

@@ -1,0 +1,76 @@
+import { Refused } from "../data/api";
+import { h } from "../elements";
+import { problemTitle, t } from "../i18n";
+import type { Fault, Problem } from "../data/types";
+
+export interface Notice {
+  /** `former` names what was made before and is still shown. */
+  show(problem: Problem, former?: string): void;
+  /** Shows what was thrown; silent where somebody broke it off. */
+  report(error: unknown): void;
+  clear(): void;
+  retranslate(): void;
+}
+
+function place({ line, column }: Fault): string {
+  if (!line) return "";
+  return column ? t("problem.line-column", { line, column }) : t("problem.line", { line });
+}
+
+function sentences(problem: Problem): HTMLElement[] {
+  if (!problem.faults?.length) return [h("p", { class: "sentence" }, problem.detail)];
+  const rows = problem.faults.map((fault) =>
+    h("li", {}, h("span", { class: "line" }, place(fault)), h("span", { class: "sentence" }, fault.sentence)),
+  );
+  return [h("ul", { class: "faults" }, ...rows)];
+}
+
+/** What went wrong, in the server's own sentences under a translated heading. */
+export function createNotice(root: HTMLElement): Notice {
+  let current: Problem | null = null;
+  let remaining = "";
+
+  const draw = (): void => {
+    root.replaceChildren();
+    if (!current) return;
+    const close = h("button", { type: "button", class: "quiet", tLabel: "close", testid: "problem-close", onclick: clear }, "✕");
+    const code = h("a", { href: `/problems/${current.code}`, target: "_blank", class: "code" }, current.code);
+    const reference = current.reference ? [h("p", { class: "about" }, t("problem.reference", { id: current.reference }))] : [];
+    root.append(
+      h(
+        "div",
+        { class: "problem", testid: "problem", tabindex: 0, "data-code": current.code },
+        h("header", {}, h("strong", {}, problemTitle(current)), code, close),
+        ...sentences(current),
+        ...reference,
+        ...(remaining ? [h("p", { class: "about former" }, t("problem.former", { name: remaining }))] : []),
+      ),
+    );
+  };
+
+  const show = (problem: Problem, former = ""): void => {
+    current = problem;
+    remaining = former;
+    draw();
+  };
+
+  const clear = (): void => {
+    current = null;
+    draw();
+  };
+
+  return {
+    show,
+    report(error) {
+      if (error instanceof DOMException && error.name === "AbortError") return;
+      if (error instanceof Refused) {
+        show(error.problem);
+        return;
+      }
+      show({ type: "", title: "", status: 0, code: "page", detail: error instanceof Error ? error.message : String(error) });
+      throw error;
+    },
+    clear,
+    retranslate: draw,
+  };
+}

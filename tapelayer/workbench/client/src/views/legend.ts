@@ -1,0 +1,74 @@
+import { h } from "../elements";
+
+/** Colours of a scale as red, green and blue bytes, from its least value to its greatest. */
+export type Ramp = Uint8Array;
+
+const STEPS = 256;
+
+/** Red of what is beyond a limit. */
+export const BEYOND: readonly [number, number, number] = [214, 39, 40];
+
+/** A ramp through colours that stand evenly apart on it. */
+function ramp(...stops: readonly [number, number, number][]): Ramp {
+  const colours = new Uint8Array(3 * STEPS);
+  for (let step = 0; step < STEPS; step++) {
+    const place = (step / (STEPS - 1)) * (stops.length - 1);
+    const low = Math.min(Math.floor(place), stops.length - 2);
+    for (let part = 0; part < 3; part++) {
+      const [from, to] = [stops[low]![part]!, stops[low + 1]![part]!];
+      colours[3 * step + part] = Math.round(from + (to - from) * (place - low));
+    }
+  }
+  return colours;
+}
+
+/** Viridis, so that equal steps look equal, also to the colour-blind. */
+const VIRIDIS: readonly [number, number, number][] = [
+  [68, 1, 84],
+  [72, 40, 120],
+  [62, 74, 137],
+  [49, 104, 142],
+  [38, 130, 142],
+  [31, 158, 137],
+  [53, 183, 121],
+  [109, 205, 89],
+  [180, 222, 44],
+  [253, 231, 37],
+];
+
+export const ERRORS: Ramp = ramp(...VIRIDIS);
+
+/** Grey where there is nothing yet. */
+export const COAT: Ramp = ramp([150, 156, 162], ...VIRIDIS);
+
+/** The colours of a ramp as a renderer that works with light mixes them. */
+export function linear(colours: ArrayLike<number>): Ramp {
+  return Uint8Array.from(colours, (value) => {
+    const share = value / 255;
+    return Math.round(255 * (share <= 0.04045 ? share / 12.92 : ((share + 0.055) / 1.055) ** 2.4));
+  });
+}
+
+/** Place of a value's colour in a ramp whose greatest value is `most`. */
+export function placeOf(value: number, most: number): number {
+  return 3 * Math.round(Math.min(Math.max(most > 0 ? value / most : 0, 0), 1) * (STEPS - 1));
+}
+
+/** A colour scale in words and numbers; `title` and `note` are keys of texts; an open scale holds for what is beyond. */
+export function legend(colours: Ramp, most: number, title: string, { note = "", open = false }): HTMLElement {
+  const bar = h("canvas", { width: STEPS, height: 1, "aria-hidden": "true" });
+  const context = bar.getContext("2d");
+  if (context) {
+    const image = context.createImageData(STEPS, 1);
+    for (let step = 0; step < STEPS; step++) {
+      image.data.set([...colours.subarray(3 * step, 3 * step + 3), 255], 4 * step);
+    }
+    context.putImageData(image, 0, 0);
+  }
+  const digits = most >= 100 ? 0 : most >= 10 ? 1 : most >= 1 ? 2 : 4;
+  const numbers = [0, 0.5, 1].map((share) => (share * most).toFixed(share ? digits : 0));
+  const ticks = numbers.map((number, place) => h("span", {}, open && place === 2 ? `≥ ${number}` : number));
+  const children = [h("span", { t: title }), bar, h("div", { class: "ticks" }, ...ticks)];
+  if (note) children.push(h("span", { class: "beyond", t: note }));
+  return h("div", { class: "scene-legend", testid: "legend" }, ...children);
+}

@@ -1,0 +1,180 @@
+import Delaunator from "delaunator";
+import {
+  BufferAttribute,
+  BufferGeometry,
+  CircleGeometry,
+  ConeGeometry,
+  DoubleSide,
+  DynamicDrawUsage,
+  Group,
+  LineBasicMaterial,
+  LineSegments,
+  Mesh,
+  MeshBasicMaterial,
+  MeshLambertMaterial,
+} from "three";
+import type { Raycaster } from "three";
+import { COAT, linear, placeOf } from "./legend";
+import type { Machine3D } from "./machine3d";
+import { lowerBound, type Motion } from "./motion";
+import type { Table } from "../data/types";
+
+const MM = 1e-3;
+// The colours end at the thickness that this share of the samples stays below: few thick places do not pale the others.
+const MOST = 0.99;
+// Samples this many times farther apart than usual have a hole or a step between them.
+const FARTHEST = 3;
+const SHADES = linear(COAT);
+
+/** The coat on the part while it grows. Metres, in the machine's axes. */
+export class Coat {
+  readonly object: Mesh<BufferGeometry>;
+  /** Thickness at which the colours end, in the table's unit. */
+  readonly most: number;
+  /** Whether it is thicker somewhere. */
+  readonly thicker: boolean;
+  private readonly colours: BufferAttribute;
+  private shown = Number.NaN;
+
+  constructor(private readonly table: Table) {
+    const geometry = new BufferGeometry();
+    const points = pointsOf(table);
+    this.colours = new BufferAttribute(new Uint8Array(3 * table.rows), 3, true).setUsage(DynamicDrawUsage);
+    geometry.setAttribute("position", new BufferAttribute(points, 3));
+    geometry.setAttribute("color", this.colours);
+    geometry.setIndex(new BufferAttribute(facetsOf(points), 1));
+    geometry.computeVertexNormals();
+    const material = new MeshLambertMaterial({
+      ...{ vertexColors: true, side: DoubleSide },
+      // The lines of the passes lie on it.
+      ...{ polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 8 },
+    });
+    this.object = new Mesh(geometry, material);
+    this.object.frustumCulled = false;
+    const final = Float32Array.from({ length: table.rows }, (_, row) => this.at(row, table.times.length - 1)).sort();
+    this.most = final[Math.floor(MOST * (table.rows - 1))]!;
+    this.thicker = final.at(-1)! > this.most;
+  }
+
+  get unit(): string {
+    return this.table.unit;
+  }
+
+  /** Colours the part by what is on it at a time. */
+  show(time_s: number): void {
+    if (time_s === this.shown) return;
+    this.shown = time_s;
+    const { times, rows } = this.table;
+    const next = Math.min(lowerBound(times, time_s), times.length - 1);
+    const before = Math.max(next - 1, 0);
+    const span = times[next]! - times[before]!;
+    const share = span > 0 ? Math.min(Math.max((time_s - times[before]!) / span, 0), 1) : 1;
+    const colours = this.colours.array;
+    for (let row = 0; row < rows; row++) {
+      const begin = this.at(row, before);
+      const place = placeOf(begin + (this.at(row, next) - begin) * share, this.most);
+      colours[3 * row] = SHADES[place]!;
+      colours[3 * row + 1] = SHADES[place + 1]!;
+      colours[3 * row + 2] = SHADES[place + 2]!;
+    }
+    this.colours.needsUpdate = true;
+  }
+
+  dispose(): void {
+    this.object.geometry.dispose();
+    (this.object.material as MeshLambertMaterial).dispose();
+  }
+
+  /** Thickness of a sample at a moment. */
+  private at(row: number, moment: number): number {
+    return this.table.data[row * this.table.columns.length + 3 + moment]!;
+  }
+}
+
+/** Points (n, 3) in metres of a table that begins with x, y and z in mm. */
+export function pointsOf({ rows, columns, data }: Table): Float32Array {
+  const points = new Float32Array(3 * rows);
+  for (let row = 0; row < rows; row++) {
+    for (let part = 0; part < 3; part++) points[3 * row + part] = data[row * columns.length + part]! * MM;
+  }
+  return points;
+}
+
+/** Triangles between samples of a surface that is seen from above, without those over holes and steps. */
+function facetsOf(points: Float32Array): Uint32Array {
+  const plan = new Float64Array((2 * points.length) / 3);
+  for (let row = 0; row < plan.length / 2; row++) plan.set(points.subarray(3 * row, 3 * row + 2), 2 * row);
+  const { triangles } = new Delaunator(plan);
+  const longest = new Float64Array(triangles.length / 3);
+  for (let facet = 0; facet < longest.length; facet++) {
+    for (let corner = 0; corner < 3; corner++) {
+      const [a, b] = [3 * triangles[3 * facet + corner]!, 3 * triangles[3 * facet + ((corner + 1) % 3)]!];
+      const side = Math.hypot(points[a]! - points[b]!, points[a + 1]! - points[b + 1]!, points[a + 2]! - points[b + 2]!);
+      longest[facet] = Math.max(longest[facet]!, side);
+    }
+  }
+  const usual = Float64Array.from(longest).sort()[longest.length >> 1] ?? 0;
+  return triangles.filter((_, corner) => longest[Math.floor(corner / 3)]! <= FARTHEST * usual);
+}
+
+/** What comes out of the gun: a cone from the nozzle to the spot, or the brush where they touch. Metres. */
+export function sprayCone(standoff: number, spot: number): Mesh<BufferGeometry> {
+  const geometry = standoff > 0 ? new ConeGeometry(spot / 2, standoff, 32, 1, true) : new CircleGeometry(spot / 2, 32);
+  if (standoff > 0) geometry.rotateX(Math.PI / 2).translate(0, 0, standoff / 2);
+  const look = { color: 0xff8c1a, transparent: true, opacity: 0.45, side: DoubleSide, depthWrite: false };
+  return new Mesh(geometry, new MeshBasicMaterial(look));
+}
+
+/** Lines along which the gun sprays: those rows between which the arc is on. */
+export class Passes {
+  readonly object = new Group();
+  private readonly lines: LineSegments<BufferGeometry, LineBasicMaterial>;
+  private readonly chosen: LineSegments<BufferGeometry, LineBasicMaterial>;
+
+  constructor(
+    machine: Machine3D,
+    private readonly motion: Motion,
+  ) {
+    const places = machine.path("P", motion);
+    const lit: number[] = [];
+    for (let row = 1; row < motion.rows; row++) {
+      if (motion.isOn("arc", row - 1)) lit.push(row - 1, row);
+    }
+    const position = new BufferAttribute(places, 3);
+    const lines = new BufferGeometry().setAttribute("position", position).setIndex(lit);
+    this.lines = new LineSegments(lines, new LineBasicMaterial({ color: 0x5b6b7a, transparent: true, opacity: 0.7 }));
+    const chosen = new BufferGeometry().setAttribute("position", position).setIndex(lit);
+    this.chosen = new LineSegments(chosen, new LineBasicMaterial({ color: 0xf08c00 }));
+    this.chosen.renderOrder = 1;
+    this.object.add(this.lines, this.chosen);
+    for (const child of this.object.children) child.frustumCulled = false;
+    this.select(0);
+  }
+
+  /** Marks a pass; 0 is none. */
+  select(number: number): void {
+    const lit = this.chosen.geometry.index!;
+    const { courses } = this.motion;
+    let [first, end] = [0, 0];
+    for (let value = 1; value < lit.count; value += 2) {
+      if (courses[lit.getX(value)] !== number) continue;
+      if (!end) first = value - 1;
+      end = value + 1;
+    }
+    this.chosen.visible = number > 0 && end > first;
+    this.chosen.geometry.setDrawRange(first, end - first);
+  }
+
+  /** Number of the pass that a ray meets first; 0 for none. */
+  hit(raycaster: Raycaster): number {
+    const [found] = raycaster.intersectObject(this.lines);
+    return found?.index == null ? 0 : (this.motion.courses[this.lines.geometry.index!.getX(found.index + 1)] ?? 0);
+  }
+
+  dispose(): void {
+    for (const line of [this.lines, this.chosen]) {
+      line.geometry.dispose();
+      line.material.dispose();
+    }
+  }
+}
