@@ -11,7 +11,7 @@ import pytest
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import read_courses
 from tapelayer.errors import VerificationFailed
-from tapelayer.laying import inspection
+from tapelayer.laying import sampling
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.inspection import Inspector, verify
 from tapelayer.laying.program import plan
@@ -19,6 +19,7 @@ from tapelayer.machines import gantry
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.units import DEG, MM
+from tapelayer.verification import sampling as density
 from tapelayer.verification.failures import Failure
 from tests.helpers.surfaces import flat_course, helix_course, setup_of
 
@@ -150,8 +151,8 @@ def test_a_sentence_names_its_place() -> None:
 
 def test_halving_the_sample_step_changes_nothing_visible(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = INSPECTOR.examine(GOOD).samples
-    monkeypatch.setattr(inspection, "LEAST_SAMPLES", 8)
-    monkeypatch.setattr(inspection, "SAMPLE_STEP", 2.5e-3)
+    monkeypatch.setattr(density, "LEAST_SAMPLES", 8)
+    monkeypatch.setattr(sampling, "LAID_SAMPLE_STEP", 2.5e-3)
     fine = INSPECTOR.examine(GOOD).samples
     assert len(fine.tilts) > 1.9 * len(coarse.tilts)
     for name in ("position_errors", "tilts", "heading_errors", "tape_errors"):

@@ -18,7 +18,7 @@ from tapelayer.geometry.mesh import Mesh
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.setups.sections import parse_setup
-from tapelayer.spraying.evidence import SprayEvidence, SprayFailure
+from tapelayer.spraying.evidence import SprayEvidence
 from tapelayer.spraying.inspection import SprayInspector
 from tapelayer.spraying.pass_planning import plan_passes
 from tapelayer.spraying.passes import Plan
@@ -26,6 +26,7 @@ from tapelayer.spraying.program import Spraying, spray
 from tapelayer.spraying.reach import mesh_in_machine, placement
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import DEG, MM
+from tapelayer.verification.failures import Failure
 from tests.helpers.panels import flat, mesh_of, sheet
 from urdf import SPRAYER
 
@@ -149,7 +150,7 @@ def test_a_failure_says_where_it_is() -> None:
     first = str(caught.value).splitlines()[0]
     assert re.fullmatch(rf"line {block + 11}: pass 1 point \d+: position_error_mm is 1, limit 0.05", first), first
     assert caught.value.exit_code == 1
-    assert SprayFailure(0, 0, "x_mm", 1.0, 2.0).sentence() == "x_mm is 1, limit 2"
+    assert Failure(0, 0, "x_mm", 1.0, 2.0, of="pass").sentence() == "x_mm is 1, limit 2"
 
 
 @pytest.mark.parametrize(
