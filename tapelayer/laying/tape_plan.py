@@ -313,7 +313,7 @@ def _work(head: Head, placed: Assignment) -> tuple[Cuts, Moves]:
         starting=starting,
         knives=np.array([made.knife + 1 for made in placed.made]),
         u=np.array([(made.begin, made.end) for made in placed.made]),
-        slides=head.reach * np.column_stack([side, -side]),
+        slides=head.half_sweep * np.column_stack([side, -side]),
         blades=np.array([made.blade for made in placed.made]),
     )
     moved = [
@@ -326,7 +326,7 @@ def _work(head: Head, placed: Assignment) -> tuple[Cuts, Moves]:
         knives=cuts.knives[moved],
         cuts=np.array(moved, dtype=np.int64),
         u=np.column_stack([np.where(waits, begin, np.maximum(left[:, 0], begin - MOVE_FEED)), begin]),
-        slides=np.column_stack([head.reach * left[:, 1], cuts.slides[moved, 0]]),
+        slides=np.column_stack([head.half_sweep * left[:, 1], cuts.slides[moved, 0]]),
         blades=np.column_stack([left[:, 2], cuts.blades[moved]]),
     )
     return cuts, moves
@@ -345,7 +345,7 @@ def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int, turns_at_rest: bool
     """A knife's way through the ply, in order; a blade that turns at rest does so at the end of its slide's move."""
     own = np.flatnonzero(cuts.knives == knife + 1)
     move_to = dict(zip(moves.cuts.tolist(), range(len(moves)), strict=True))
-    side, blade = (LEFT, RIGHT)[knife] * head.reach, float(cuts.blades[own[0]]) if len(own) else 0.0
+    side, blade = (LEFT, RIGHT)[knife] * head.half_sweep, float(cuts.blades[own[0]]) if len(own) else 0.0
     nodes = [_Node(0.0, Step.FEED, side, blade)]
     for cut in own.tolist():
         move = move_to.get(cut)
