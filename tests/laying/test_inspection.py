@@ -20,7 +20,6 @@ from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.units import DEG, MM
 from tapelayer.verification import sampling as density
-from tapelayer.verification.failures import Failure
 from tests.helpers.surfaces import flat_course, helix_course, setup_of
 
 MACHINE = Machine.load()
@@ -140,13 +139,6 @@ def test_failure_stops_the_way_to_a_program() -> None:
         verify(moved("z", 0.06 * MM, MIDDLE)(GOOD), COURSES, SETUP, MACHINE)
     assert isinstance(caught.value.evidence, Evidence)
     assert not caught.value.evidence.passed
-
-
-def test_a_sentence_names_its_place() -> None:
-    assert Failure(3, 7, "tape_error_mm", 1.5, 0.05, 12).sentence() == (
-        "line 12: course 3 point 7: tape_error_mm is 1.5, limit 0.05"
-    )
-    assert Failure(0, 0, "courses_laid", 1, 2).sentence() == "courses_laid is 1, limit 2"
 
 
 def test_halving_the_sample_step_changes_nothing_visible(monkeypatch: pytest.MonkeyPatch) -> None:
