@@ -31,17 +31,17 @@ class CourseSpline:
         self._slopes = BSpline(self._spline.t, self._spline.c[:, :3], degree).derivative()
 
     def at(self, arc_lengths: Floats) -> Floats:
-        """Points and normals (n, 6), the latter of any length, at (n,) arc lengths in metres."""
+        """Return points and normals (n, 6), the latter of any length, at (n,) arc lengths in metres."""
         values: Floats = self._spline(np.clip(arc_lengths, 0.0, self.length))
         return values
 
     def slopes(self, arc_lengths: Floats) -> Floats:
-        """Tangents (n, 3) of about unit length at (n,) arc lengths in metres."""
+        """Return tangents (n, 3) of about unit length at (n,) arc lengths in metres."""
         slopes: Floats = self._slopes(np.clip(arc_lengths, 0.0, self.length))
         return slopes
 
     def point(self, arc_length: float) -> int:
-        """Number (from 1) of the file's point nearest to an arc length in metres; 0 for NaN."""
+        """Return the number (from 1) of the file's point nearest to an arc length in metres; 0 for NaN."""
         return 0 if np.isnan(arc_length) else int(np.argmin(np.abs(self.knots - arc_length))) + 1
 
 
@@ -52,16 +52,16 @@ class CourseSplines:
     courses: Sequence[tuple[CourseSpline, slice]]
 
     def at(self, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
-        """Points, unit normals and unit tangents, (n, 3) each, at (n,) arc lengths in metres."""
+        """Return points, unit normals and unit tangents, (n, 3) each, at (n,) arc lengths in metres."""
         values = np.concatenate([curve.at(arc_lengths[rows]) for curve, rows in self.courses])
         return values[:, :3], unit(values[:, 3:]), unit(self.slopes(arc_lengths))
 
     def slopes(self, arc_lengths: Floats) -> Floats:
-        """Tangents (n, 3) of about unit length at (n,) arc lengths in metres."""
+        """Return tangents (n, 3) of about unit length at (n,) arc lengths in metres."""
         return np.concatenate([curve.slopes(arc_lengths[rows]) for curve, rows in self.courses])
 
     def under_nip(self, u: Floats, normals: Floats, headings: Floats, radius: float) -> tuple[Floats, Floats]:
-        """Arc length (n,) at the nip by the tape fed since the course's start, and the nip's angle (n,) on the roller.
+        """Return the nip's arc length (n,) by the tape fed since the course's start, and its angle (n,) on the roller.
 
         The tape fed is u = s - R beta(s) beside a constant, and beta is measured between the head and the course's
         tangent at s: solved for s by secants.

@@ -64,6 +64,6 @@ class Case:
 
     @cached_property
     def fed(self) -> Floats:
-        """Tape fed (n + 1,) at the program's start and every block's end, metres; NaN where it is not stated yet."""
+        """Return the tape fed (n + 1,) at the program's start and every block's end, metres; NaN where unknown."""
         u = self.trajectory.column("u")
         return np.append(self.trajectory.start[u], self.trajectory.positions[:, u])

@@ -90,13 +90,8 @@ class _SequenceJudge:
     """A case, with what its program has to keep, and what it fails in so far."""
 
     def __init__(self, case: Case) -> None:
-        self.trajectory, self.courses, self.samples, self.highest = (
-            case.trajectory,
-            case.courses,
-            case.samples,
-            case.highest,
-        )
-        self.machine, self.digits = case.machine, case.digits
+        self.trajectory, self.courses, self.samples = case.trajectory, case.courses, case.samples
+        self.machine, self.digits, self.highest = case.machine, case.digits, case.highest
         setup, trajectory = case.setup, case.trajectory
         head, process, limits = setup.head, setup.process, setup.verification
         self.delays, self.heater_stop = head.delays_ms, head.heater_stop_s

@@ -46,7 +46,7 @@ class SamplePlaces:
 
     @classmethod
     def along(cls, trajectory: Trajectory, layings: Sequence[Laying], indices: Ints) -> SamplePlaces:
-        """Places along the layings of the courses with these (m,) rising indices."""
+        """Return the places along the layings of the courses with these (m,) rising indices."""
         chosen = [layings[index] for index in indices]
         rows = np.concatenate([np.arange(laying.first, laying.last) for laying in chosen])
         lengths = [laying.last - laying.first for laying in chosen]
@@ -73,12 +73,12 @@ class SamplePlaces:
         return cls(courses[block], rows[block], times, joints, (step == 0) | (step == steps[block]))
 
     def rows(self, course: int) -> slice:
-        """Rows of the course with an index."""
+        """Return the rows of the course with an index."""
         return slice(*np.searchsorted(self.courses, [course, course + 1]).tolist())
 
 
 def layings_of(trajectory: Trajectory, setup: Setup) -> list[Laying]:
-    """Every stretch with the shoe down, by when its words take effect."""
+    """Return every stretch with the shoe down, by when its words take effect."""
     delay = setup.head.delays_ms.shoe * 1e-3
     down = np.flatnonzero(trajectory.events == Event.SHOE_DOWN)
     up = np.flatnonzero(trajectory.events == Event.SHOE_UP)
