@@ -1,10 +1,10 @@
-"""Vectors: rows of vectors, each with its own product, length or direction."""
+"""Vectors: rows of vectors, each with its own product, length or direction, and rows that are parts of others."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from tapelayer.arrays import Floats
+from tapelayer.arrays import Floats, Ints
 
 
 def dot(left: Floats, right: Floats) -> Floats:
@@ -22,3 +22,9 @@ def norms(vectors: Floats) -> Floats:
 def unit(vectors: Floats) -> Floats:
     """Return the direction (n, k) of each of (n, k) vectors, of length 1; NaN for a vector of length 0."""
     return vectors / norms(vectors)[:, None]
+
+
+def ramp(counts: Ints) -> tuple[Ints, Ints]:
+    """Return the owner (m,) of each part of things with (n,) parts, one after the other, and its number (m,) from 0."""
+    owners = np.repeat(np.arange(len(counts)), counts)
+    return owners, np.arange(len(owners)) - np.repeat(np.cumsum(counts) - counts, counts)

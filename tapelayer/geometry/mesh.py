@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tapelayer.arrays import Floats, Ints, frozen
-from tapelayer.geometry.adjacency import blocks, facet_spans, neighbours, squared_lengths
+from tapelayer.geometry.adjacency import blocks, facet_spans, neighbours
 from tapelayer.geometry.mending import Mending
+from tapelayer.vectors import norms, unit
 
 Unit = Literal["mm", "m", "in"]
 
@@ -51,7 +52,7 @@ class Mesh:
         normals = np.empty(self.facets.shape)
         for block in blocks(len(normals)):
             spans = facet_spans(self.vertices, self.facets[block])
-            normals[block] = spans / np.sqrt(squared_lengths(spans))[:, None]
+            normals[block] = unit(spans)
         return frozen(normals)
 
     @cached_property
@@ -64,7 +65,7 @@ class Mesh:
         """Areas (m,) of the facets in square metres."""
         areas = np.empty(len(self.facets))
         for block in blocks(len(areas)):
-            areas[block] = np.sqrt(squared_lengths(facet_spans(self.vertices, self.facets[block]))) / 2
+            areas[block] = norms(facet_spans(self.vertices, self.facets[block])) / 2
         return frozen(areas)
 
     @cached_property

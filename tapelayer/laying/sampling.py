@@ -10,6 +10,7 @@ import numpy as np
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Event, Trajectory
+from tapelayer.vectors import ramp
 from tapelayer.verification.sampling import sample_counts
 
 # Between two block ends a course is looked at at least every so many metres.
@@ -65,8 +66,8 @@ class SamplePlaces:
         # Every block is looked at from behind its begin to its end, a course's first block at its begin, too.
         first = np.diff(courses, prepend=-1) > 0
         counts = steps + first
-        block = np.repeat(np.arange(len(rows)), counts)
-        step = np.arange(len(block)) - (np.cumsum(counts) - steps)[block] + 1
+        block, number = ramp(counts)
+        step = number + 1 - first[block]
         times = np.where(step == steps[block], to[block], from_[block] + (to - from_)[block] * step / steps[block])
         shares = np.clip((times - begins[block]) / (ends - begins)[block], 0.0, 1.0)
         joints = trajectory.within(rows[block], shares)

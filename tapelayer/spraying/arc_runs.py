@@ -8,6 +8,7 @@ import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.motion.trajectory import MOTIONS, Event, Trajectory
+from tapelayer.vectors import ramp
 from tapelayer.verification.sampling import sample_counts
 
 # Between two block ends a pass is looked at at least every so many metres.
@@ -56,10 +57,8 @@ def arc_runs_of(trajectory: Trajectory) -> list[ArcRun]:
 def sampled(trajectory: Trajectory, blocks: Ints) -> tuple[Floats, Floats, Ints]:
     """Joint values (n, k), times (n,) in seconds and blocks (n,) at the ends of blocks (b,) and between."""
     counts = sample_counts(ways_of(trajectory, blocks), SPRAYED_SAMPLE_STEP)
-    rows = np.repeat(blocks, counts)
-    step = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
-    fractions = step / np.repeat(counts, counts)
-    rows, fractions = np.append(blocks[0], rows), np.append(0.0, fractions)
+    block, step = ramp(counts)
+    rows, fractions = np.append(blocks[0], blocks[block]), np.append(0.0, (step + 1) / counts[block])
     times = trajectory.times[rows] - (1.0 - fractions) * trajectory.durations[rows]
     return trajectory.within(rows, fractions), times, rows
 

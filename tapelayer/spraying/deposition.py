@@ -23,6 +23,7 @@ from tapelayer.geometry.envelope import upper_envelope
 from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.slicing import plane_direction, plane_heights, slice, strip_widths
 from tapelayer.spraying.footprint import Footprint
+from tapelayer.vectors import dot, ramp
 
 # Samples farther from P than so many reaches of the footprint get nothing; on a slope one is not enough.
 _SEARCH = 2.0
@@ -184,8 +185,8 @@ def exposure(footprint: Footprint, standoff: float, spots: Spots, surface: Surfa
         spot, sample = near["i"], near["j"]
         axes = spots.axes[rows][spot]
         ways = surface.points[sample] - (spots.points[rows] + standoff * spots.axes[rows])[spot]
-        depths = -np.einsum("ij,ij->i", ways, axes)
-        facing = -np.einsum("ij,ij->i", ways, surface.normals[sample])
+        depths = -dot(ways, axes)
+        facing = -dot(ways, surface.normals[sample])
         met = (depths > 0) & (facing > 0)
         spot, sample, depths, facing = spot[met], sample[met], depths[met], facing[met]
         offsets = np.linalg.norm(ways[met] + depths[:, None] * axes[met], axis=1)
@@ -217,8 +218,7 @@ def evenness(thickness: Floats, surface: Surface, inside: Mask) -> Evenness:
 
 def _parts(parts: Ints) -> tuple[Ints, Floats]:
     """Of ways in (n,) equal parts: the way of each part, and the share of the way at which the part's middle lies."""
-    owner = np.repeat(np.arange(len(parts)), parts)
-    number = np.arange(len(owner)) - (np.cumsum(parts) - parts)[owner]
+    owner, number = ramp(parts)
     return owner, (number + 0.5) / parts[owner]
 
 

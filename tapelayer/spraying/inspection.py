@@ -20,6 +20,7 @@ from tapelayer.spraying.evidence import SplitFound, SprayEvidence, SpraySamples
 from tapelayer.spraying.passes import NO_FACET, Pass, Split
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import DEG, MM
+from tapelayer.vectors import dot
 from tapelayer.verification.axis_use import FEED_DIGITS
 from tapelayer.verification.breach import Breach
 from tapelayer.verification.failures import Failure
@@ -151,7 +152,7 @@ class SprayInspector(Judge[SprayEvidence]):
         for side in range(2):
             on = np.flatnonzero(facets[side] != NO_FACET)
             under = facets[side, on]
-            cosine = np.einsum("ij,ij->i", axes[on], self.normals[under])
+            cosine = dot(axes[on], self.normals[under])
             sine = np.linalg.norm(np.cross(axes[on], self.normals[under]), axis=1)
             deviations[side, on] = np.arctan2(sine, cosine)
             distances[side, on] = distances_to(self.triangles[under], points[on])
