@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tapelayer.arrays import Floats, Ints, frozen
+from tapelayer.arrays import Floats, Frozen, Ints, frozen
 from tapelayer.geometry.adjacency import blocks, facet_spans, neighbours
 from tapelayer.geometry.mending import Mending
 from tapelayer.vectors import norms, unit
@@ -22,7 +22,7 @@ Unit = Literal["mm", "m", "in"]
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class Mesh(Frozen):
     """A surface of triangular facets.
 
     Attributes:
@@ -40,11 +40,6 @@ class Mesh:
     sha256: str
     unit: Unit
     mending: Mending
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        object.__setattr__(self, "vertices", frozen(self.vertices))
-        object.__setattr__(self, "facets", frozen(self.facets))
 
     @cached_property
     def normals(self) -> Floats:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tapelayer.arrays import Floats
+from tapelayer.arrays import Floats, Frozen
 from tapelayer.laying.evidence import Samples
 from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
@@ -16,7 +16,7 @@ from tapelayer.motion.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
-class Laid:
+class Laid(Frozen):
     """A course as the program lays it.
 
     Attributes:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Ints, Mask
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.vectors import ramp
@@ -28,7 +28,7 @@ class Laying:
 
 
 @dataclass(frozen=True, eq=False)
-class SamplePlaces:
+class SamplePlaces(Frozen):
     """Where some courses are looked at while they are laid, rows in laying order.
 
     Attributes:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.laying.cut_assignment import LEAST_FEED, LEFT, MOVE_FEED, RIGHT, TOUCH, Assignment, assign_stations
 from tapelayer.laying.head import Head
 
@@ -37,17 +37,8 @@ class Step(IntEnum):
     UP = 4
 
 
-class _Rows:
-    """Arrays that nobody changes after they are made."""
-
-    def __post_init__(self) -> None:
-        for name, value in list(vars(self).items()):
-            if isinstance(value, np.ndarray):
-                object.__setattr__(self, name, frozen(value))
-
-
 @dataclass(frozen=True, eq=False)
-class Cuts(_Rows):
+class Cuts(Frozen):
     """Cuts in the order of their stations, one row each; a shared cut is one row.
 
     Attributes:
@@ -78,7 +69,7 @@ class Cuts(_Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class Moves(_Rows):
+class Moves(Frozen):
     """Moves of a raised knife from where a sweep left it to its next sweep's start, in the order of the cuts.
 
     Attributes:
@@ -101,7 +92,7 @@ class Moves(_Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class KnifeSteps(_Rows):
+class KnifeSteps(Frozen):
     """What the head does in order of u, each row once, the first time the tape gets there.
 
     Row 0 is how the head stands at u = 0. The first row at every u is a FEED, so everything is linear between rows.
@@ -158,7 +149,7 @@ class KnifeSteps(_Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class TapePlan(_Rows):
+class TapePlan(Frozen):
     """A ply on the tape: where its courses lie, what is wasted before each, and who cuts it when.
 
     The head's way through it, course by course: rows `changing` (only before a new roll: feed to the roll's u, change

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.geometry.envelope import upper_envelope
 from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.slicing import plane_direction, plane_heights, slice, strip_widths
@@ -36,7 +36,7 @@ _SAME_PLACE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class Surface(Frozen):
     """Samples of a surface.
 
     Attributes:
@@ -49,18 +49,13 @@ class Surface:
     normals: Floats
     areas: Floats
 
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("points", "normals", "areas"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
-
     def only(self, chosen: Mask) -> Surface:
         """The samples that are chosen by (m,)."""
         return Surface(self.points[chosen], self.normals[chosen], self.areas[chosen])
 
 
 @dataclass(frozen=True, eq=False)
-class Spots:
+class Spots(Frozen):
     """Places where the gun stays for a moment with the arc on.
 
     Attributes:
@@ -72,11 +67,6 @@ class Spots:
     points: Floats
     axes: Floats
     seconds: Floats
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("points", "axes", "seconds"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.machines.wrist import angles_between
 from tapelayer.vectors import dot
 
@@ -27,7 +27,7 @@ _ROUNDS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothed:
+class Smoothed(Frozen):
     """The gun's direction along a section.
 
     Attributes:
@@ -37,11 +37,6 @@ class Smoothed:
 
     normals: Floats
     deviations: Floats
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        object.__setattr__(self, "normals", frozen(self.normals))
-        object.__setattr__(self, "deviations", frozen(self.deviations))
 
 
 def creases(stations: Floats, normals: Floats, reach: float, limit: float) -> Floats:
