@@ -33,7 +33,6 @@ from rich.table import Table
 from tapelayer.arrays import Floats
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import read_courses
-from tapelayer.laying.inspection import LEAST_SAMPLES
 from tapelayer.laying.job import Job
 from tapelayer.laying.placing import courses_in_machine
 from tapelayer.laying.settings import Setup
@@ -42,6 +41,7 @@ from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.setups.sections import parse_setup
 from tapelayer.units import MM
+from tapelayer.verification.sampling import LEAST_SAMPLES
 from tapelayer.verification.verified import Verified
 
 ROUNDS = 5

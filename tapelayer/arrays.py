@@ -26,16 +26,23 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class SampleTable:
+class Frozen:
+    """A frozen dataclass whose fields that are arrays are read-only."""
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, field.name, frozen(value))
+
+
+@dataclass(frozen=True, eq=False)
+class SampleTable(Frozen):
     """Columns of samples that belong together: a table whose fields are arrays with a row a sample."""
 
     # Shape of a row, and type, of the columns that are not one number a row, for a table without rows.
     EMPTY: ClassVar[dict[str, NDArray[Any]]] = {}
-
-    def __post_init__(self) -> None:
-        """Freeze the columns."""
-        for field in fields(self):
-            object.__setattr__(self, field.name, frozen(getattr(self, field.name)))
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:

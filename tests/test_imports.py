@@ -19,8 +19,14 @@ FILES = sorted(path for package in OURS for path in (ROOT / package).rglob("*.py
 # A room imports from those of the floors above it and from itself; rooms of one floor do not know each other.
 FLOORS = (
     ("urdf",),
-    ("tapelayer.errors", "tapelayer.units", "tapelayer.arrays", "tapelayer.vectors", "tapelayer.progress"),
-    ("tapelayer.provenance", "tapelayer.toml_files", "tapelayer.atomic_files", "tapelayer.dispatch"),
+    ("tapelayer.errors", "tapelayer.units", "tapelayer.arrays", "tapelayer.progress"),
+    (
+        "tapelayer.vectors",
+        "tapelayer.provenance",
+        "tapelayer.toml_files",
+        "tapelayer.atomic_files",
+        "tapelayer.dispatch",
+    ),
     ("tapelayer.geometry",),
     ("tapelayer.machines",),
     ("tapelayer.motion",),
@@ -40,6 +46,8 @@ JUDGES = (
     "tapelayer.laying.inspection",
     "tapelayer.laying.cut_check",
     "tapelayer.laying.link_check",
+    "tapelayer.laying.course_splines",
+    "tapelayer.laying.sampling",
     "tapelayer.laying.laid",
     "tapelayer.laying.evidence",
     "tapelayer.laying.limits",

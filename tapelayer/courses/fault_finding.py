@@ -11,6 +11,7 @@ import numpy as np
 
 from tapelayer.courses.table import CHORD_SHARE, CHORD_SLACK, LONGEST_LINE, NUMBER, CourseTable, TableSteps, cut_angle
 from tapelayer.errors import CourseFileRefused, InputFault
+from tapelayer.vectors import ramp
 
 # Lines with a fault after which reading stops.
 MOST_FAULTS = 100_000
@@ -243,11 +244,10 @@ class _Reader:
 def _geometric_faults(table: CourseTable, reader: _Reader) -> list[InputFault]:
     """Faults of rows that are numbers: zero normals, repeated points, arc lengths that do not fit the points."""
     steps = TableSteps.of(table)
-    courses = np.repeat(np.arange(len(table.counts)), table.counts)
-    points = np.arange(len(courses)) - np.repeat(np.cumsum(table.counts) - table.counts, table.counts) + 1
+    courses, points = ramp(table.counts)
 
     def fault(row: int, sentence: str) -> InputFault:
-        return InputFault(reader.row_lines[row], f"{reader.labels[courses[row]]}, point {points[row]}: {sentence}")
+        return InputFault(reader.row_lines[row], f"{reader.labels[courses[row]]}, point {points[row] + 1}: {sentence}")
 
     faults = [
         fault(row, "expected the direction out of the surface as normal, got one of length zero; correct it")

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask
+from tapelayer.vectors import dot, norms
 
 # An arc length may differ from the chord by this share of the chord, and by this much more, in metres.
 CHORD_SHARE = 0.01
@@ -69,7 +70,7 @@ class TableSteps:
         inside &= table.readable[:-1] & table.readable[1:]
         with np.errstate(over="ignore", invalid="ignore"):
             steps = np.diff(rows, axis=0)
-            chords = np.sqrt(np.einsum("ij,ij->i", steps[:, :3], steps[:, :3]))
+            chords = norms(steps[:, :3])
         return cls(inside, chords, steps[:, 3])
 
     @property
@@ -100,10 +101,10 @@ def unit_normals(normals: Floats) -> Floats:
     """Unit normals (n, 3); one that is a unit vector already, as far as rounding tells, stays as it is."""
     units = np.ascontiguousarray(normals)
     with np.errstate(over="ignore"):
-        squares = np.einsum("ij,ij->i", units, units)
+        squares = dot(units, units)
     if np.any(extreme := ~((squares > 1e-200) & (squares < 1e200))):
         units[extreme] /= np.max(np.abs(units[extreme]), axis=1)[:, None]
-        squares[extreme] = np.einsum("ij,ij->i", units[extreme], units[extreme])
+        squares[extreme] = dot(units[extreme], units[extreme])
     done = np.abs(squares - 1.0) <= 8 * np.finfo(np.float64).eps
     units /= np.where(done, 1.0, np.sqrt(squares))[:, None]
     return units

@@ -70,9 +70,3 @@ def facet_spans(vertices: Floats, facets: Ints) -> Floats:
     a, b, c = (vertices[facets[:, corner]] for corner in range(3))
     spans: Floats = np.cross(b - a, c - a)
     return spans
-
-
-def squared_lengths(vectors: Floats) -> Floats:
-    """Squared lengths (m,) of vectors (m, 3)."""
-    squares: Floats = np.einsum("ij,ij->i", vectors, vectors)
-    return squares

@@ -7,6 +7,7 @@ from scipy.interpolate import CubicSpline
 
 from tapelayer.arrays import Floats, frozen
 from tapelayer.geometry.toolpath import Toolpath
+from tapelayer.vectors import unit
 
 
 class Curve:
@@ -30,15 +31,10 @@ class Curve:
         """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at the toolpath's samples."""
         # A piece of the spline has its slope at its begin as a coefficient.
         tangents = np.vstack([self._spline.c[2, :, :3], self._slope(self.knots[-1:])[:, :3]])
-        return self._toolpath.points, self._toolpath.normals, _unit(tangents)
+        return self._toolpath.points, self._toolpath.normals, unit(tangents)
 
     def at(self, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
         """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at (n,) arc lengths in metres."""
         values = self._spline(arc_lengths)
         tangents = self._slope(arc_lengths)[:, :3]
-        return values[:, :3], _unit(values[:, 3:]), _unit(tangents)
-
-
-def _unit(vectors: Floats) -> Floats:
-    lengths: Floats = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None]
-    return vectors / lengths
+        return values[:, :3], unit(values[:, 3:]), unit(tangents)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tapelayer.arrays import Floats
 from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.slicing import Sections, plane_direction, plane_heights, slice, strip_widths
+from tapelayer.vectors import ramp
 
 
 @dataclass(frozen=True)
@@ -144,8 +145,8 @@ def _merged_layers(pieces: Pieces) -> Pieces:
     # Interval i is from knot i to knot i + 1.
     begin, end = knot[: len(pieces)], knot[len(pieces) :]
     spans = end - begin
-    piece = np.repeat(np.arange(len(pieces)), spans)
-    interval = np.arange(len(piece)) - np.repeat(np.cumsum(spans) - spans - begin, spans)
+    piece, number = ramp(spans)
+    interval = begin[piece] + number
     side = pieces["layer"][piece] % 2
     on = np.full((2, len(knots)), -1)
     on[side, interval] = piece

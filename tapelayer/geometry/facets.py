@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tapelayer.arrays import Floats
+from tapelayer.vectors import dot
 
 
 def distances_to(triangles: Floats, points: Floats) -> Floats:
@@ -16,5 +17,5 @@ def distances_to(triangles: Floats, points: Floats) -> Floats:
     over = np.all(np.einsum("nij,nij->ni", np.cross(ways, away), normals[:, None]) >= 0.0, axis=1)
     share = np.einsum("nij,nij->ni", away, ways) / np.einsum("nij,nij->ni", ways, ways)
     to_edges = np.linalg.norm(away - np.clip(share, 0.0, 1.0)[..., None] * ways, axis=2).min(axis=1)
-    distances: Floats = np.where(over, np.abs(np.einsum("ij,ij->i", away[:, 0], normals)), to_edges)
+    distances: Floats = np.where(over, np.abs(dot(away[:, 0], normals)), to_edges)
     return distances

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.sparse import coo_array, csgraph
 
 from tapelayer.arrays import Floats, Ints, Mask
-from tapelayer.geometry.adjacency import blocks, facet_spans, half_edges, neighbours, squared_lengths
+from tapelayer.geometry.adjacency import blocks, facet_spans, half_edges, neighbours
+from tapelayer.vectors import dot
 
 RESOLUTION = 2.0**-23  # of an STL's single-precision numbers, relative to the largest of them
 
@@ -160,11 +161,12 @@ def _thin(vertices: Floats, facets: Ints) -> Mask:
     broad = np.empty(len(facets), dtype=np.bool_)
     for block in blocks(len(facets)):
         longest = np.max(_squared_sides(vertices, facets[block]), axis=0)
-        broad[block] = squared_lengths(facet_spans(vertices, facets[block])) > least**2 * longest
+        spans = facet_spans(vertices, facets[block])
+        broad[block] = dot(spans, spans) > least**2 * longest
     return ~broad
 
 
 def _squared_sides(vertices: Floats, facets: Ints) -> Floats:
     """Squared lengths (3, m) of the edges from each corner to the next, in square metres."""
     a, b, c = (vertices[facets[:, corner]] for corner in range(3))
-    return np.stack([squared_lengths(b - a), squared_lengths(c - b), squared_lengths(a - c)])
+    return np.stack([dot(edge, edge) for edge in (b - a, c - b, a - c)])

@@ -13,15 +13,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tapelayer.arrays import Floats, Ints, frozen
-from tapelayer.geometry.adjacency import blocks, facet_spans, neighbours, squared_lengths
+from tapelayer.arrays import Floats, Frozen, Ints, frozen
+from tapelayer.geometry.adjacency import blocks, facet_spans, neighbours
 from tapelayer.geometry.mending import Mending
+from tapelayer.vectors import norms, unit
 
 Unit = Literal["mm", "m", "in"]
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class Mesh(Frozen):
     """A surface of triangular facets.
 
     Attributes:
@@ -40,11 +41,6 @@ class Mesh:
     unit: Unit
     mending: Mending
 
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        object.__setattr__(self, "vertices", frozen(self.vertices))
-        object.__setattr__(self, "facets", frozen(self.facets))
-
     def moved(self, rotation: Floats, origin: Floats) -> Mesh:
         """Return the mesh turned by a rotation (3, 3), then moved by an origin (3,) in metres."""
         return replace(self, vertices=self.vertices @ rotation.T + origin)
@@ -55,7 +51,7 @@ class Mesh:
         normals = np.empty(self.facets.shape)
         for block in blocks(len(normals)):
             spans = facet_spans(self.vertices, self.facets[block])
-            normals[block] = spans / np.sqrt(squared_lengths(spans))[:, None]
+            normals[block] = unit(spans)
         return frozen(normals)
 
     @cached_property
@@ -68,7 +64,7 @@ class Mesh:
         """Areas (m,) of the facets in square metres."""
         areas = np.empty(len(self.facets))
         for block in blocks(len(areas)):
-            areas[block] = np.sqrt(squared_lengths(facet_spans(self.vertices, self.facets[block]))) / 2
+            areas[block] = norms(facet_spans(self.vertices, self.facets[block])) / 2
         return frozen(areas)
 
     @cached_property

@@ -6,6 +6,7 @@ import numpy as np
 
 from tapelayer.arrays import Floats, Mask
 from tapelayer.geometry.mesh import Mesh
+from tapelayer.vectors import dot
 
 # Pairs of points and edges looked at at a time.
 _PAIRS = 1 << 21
@@ -45,7 +46,7 @@ class PlanCoverage:
 
     def _to_edges(self, points: Floats) -> Floats:
         away = points[:, None] - self._begins
-        squares = np.einsum("ij,ij->i", self._ways, self._ways)
+        squares = dot(self._ways, self._ways)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.nan_to_num(np.einsum("nij,ij->ni", away, self._ways) / squares)
         off = away - np.clip(share, 0.0, 1.0)[..., None] * self._ways

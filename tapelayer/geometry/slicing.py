@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import cosdg, sindg
 
-from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.geometry.adjacency import blocks
 from tapelayer.geometry.mesh import Mesh
 
@@ -26,7 +26,7 @@ _EXIT_BELOW = np.array([0, 2, 0, 2, 1, 1, 0, 0])
 
 
 @dataclass(frozen=True, eq=False)
-class Sections:
+class Sections(Frozen):
     """Curves in which parallel planes cut a surface, plane by plane.
 
     Curve c has the rows offsets[c] to offsets[c + 1]; each row but the curve's last begins a segment. A closed curve
@@ -50,11 +50,6 @@ class Sections:
     offsets: Ints
     planes: Ints
     closed: Mask
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("direction", "heights", "points", "facets", "offsets", "planes", "closed"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
     def segments(self) -> Ints:

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from tapelayer.arrays import Floats, frozen
+from tapelayer.arrays import Floats, Frozen
 
 
 @dataclass(frozen=True, eq=False)
-class Toolpath:
+class Toolpath(Frozen):
     """One course or pass.
 
     Attributes:
@@ -26,11 +26,6 @@ class Toolpath:
     points: Floats
     normals: Floats
     arc_lengths: Floats
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("points", "normals", "arc_lengths"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
     def length(self) -> float:

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from rich.table import Table
@@ -23,23 +23,11 @@ from tapelayer.progress import UNSEEN, Steps, Tick, silent
 from tapelayer.provenance import Provenance
 from tapelayer.setups.sections import JobSetup
 from tapelayer.verification.failures import Findings
+from tapelayer.verification.inspection import Judge
 from tapelayer.verification.verified import Verified, failure_of
 
 Plan = TypeVar("Plan")
 Evidence = TypeVar("Evidence", bound=Findings)
-Evidence_co = TypeVar("Evidence_co", bound=Findings, covariant=True)
-
-
-class Judge(Protocol[Evidence_co]):
-    """Judges trajectories by what a job asks for."""
-
-    def examine(self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent) -> Evidence_co:
-        """Return the evidence on a trajectory, failures included."""
-
-    def verify(
-        self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent
-    ) -> Verified[Evidence_co]:
-        """Return the trajectory as a verified one, or raise `VerificationFailed`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +146,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         plan, trajectory = self.planned(steps)
         judge = self.inspector(plan)
         steps.begin(VERIFYING_PLAN.name, self.parts)
-        evidence, text = judge.examine(trajectory, tick=steps.tick), b""
+        evidence, text = judge.judge(trajectory, tick=steps.tick), b""
         if evidence.passed:
             steps.begin(WRITING.name)
             text = self.text(Verified(trajectory, evidence))
@@ -231,7 +219,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         self, judge: Judge[Evidence], read: reader.Program, text: bytes, steps: Steps
     ) -> tuple[Trajectory, Evidence]:
         steps.begin(VERIFYING.name, self.parts)
-        evidence = judge.examine(read.trajectory, self.resolution, steps.tick)
+        evidence = judge.judge(read.trajectory, self.resolution, steps.tick)
         return read.trajectory, replace(evidence, program_sha256=hashlib.sha256(text).hexdigest())
 
 

@@ -170,7 +170,7 @@ def assign_stations(
         for length, wrap, *ends in zip(lengths, wraps[:, 1], cut_angles, cots, strict=True)
     ]
     # Whatever a knife did before this much tape, it has all the feed it needs for every sweep to come.
-    past = float(np.max(np.abs(cots))) * head.reach + head.knife_pitch + MOVE_FEED
+    past = float(np.max(np.abs(cots))) * head.half_sweep + head.knife_pitch + MOVE_FEED
     states: Sequence[_State] = [_INITIAL]
     stations: list[float] = []
     rolls: list[int] = []
@@ -222,13 +222,13 @@ def assign_stations(
         np.array(course_cuts),
         np.array(cut_stations),
         cut_angles[owners],
-        2.0 * head.reach * np.abs(cots[owners]) <= SAME_LINE,
+        2.0 * head.half_sweep * np.abs(cots[owners]) <= SAME_LINE,
         made[::-1],
     )
 
 
 def _sweep(head: Head, angle: float, cot: float) -> _Sweep:
-    half, blade = head.reach * abs(cot), angle - math.pi / 2.0
+    half, blade = head.half_sweep * abs(cot), angle - math.pi / 2.0
     if 2.0 * half <= SAME_LINE:
         return _Sweep(cot, 0.0, EITHER, blade)
     return _Sweep(cot, half, RIGHT if cot > 0.0 else LEFT, blade)
@@ -239,7 +239,7 @@ def _following(
 ) -> _Placement:
     """A course after the one that ends at station `end` with the cut `before`, on the same roll."""
     apart = abs(before.cot - course.lead.cot)
-    one_line = 2.0 * head.reach * apart <= SAME_LINE
+    one_line = 2.0 * head.half_sweep * apart <= SAME_LINE
     if one_line and end + course.fed <= roll.limit:
         reached = _swept(states, end + course.length, course.trail, roll)
         if reached:

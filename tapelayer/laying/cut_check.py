@@ -10,9 +10,8 @@ import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.laying.evidence import CutMade, LedgerRow, TapeLedger
-from tapelayer.laying.laid import Laid
+from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.settings import Setup
-from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.units import DEG, MM
 from tapelayer.verification.failures import Failure
@@ -59,59 +58,44 @@ class _KnifePass:
         return float(np.max(np.abs(np.arctan2(across, self.blades @ direction))))
 
 
-def judge_cuts(
-    trajectory: Trajectory, courses: Sequence[Laid], setup: Setup, machine: Machine
-) -> tuple[TapeLedger, list[Failure]]:
-    """The tape's ledger by the program itself, and what its cuts fail in.
-
-    Args:
-        trajectory: planned, or read back from a program; every axis stated before the first feed.
-        courses: as the program lays them, in order.
-        setup: the job's values.
-        machine: the gantry.
-    """
-    edges = _roll_edges(trajectory, courses)
+def judge_cuts(case: Case) -> tuple[TapeLedger, list[Failure]]:
+    """Return the tape's ledger by the program itself, and what its cuts fail in."""
+    courses, edges = case.courses, _roll_edges(case)
     fresh = [not index or edges[index + 1] > edges[index] for index in range(len(courses))]
-    lines = _lines(courses, fresh, setup)
-    sweeps = _sweeps(trajectory, setup, machine)
-    made, failures = _matched(trajectory, courses, lines, sweeps, setup)
-    rows, overlaps = _ledger(trajectory, courses, fresh, edges, lines, made, setup)
-    failures += [*overlaps, *_rolls(trajectory, setup, machine)]
+    lines = _lines(case, fresh)
+    made, failures = _matched(case, lines, _sweeps(case))
+    rows, overlaps = _ledger(case, fresh, edges, lines, made)
+    failures += [*overlaps, *_rolls(case)]
     used = courses[-1].station + courses[-1].length - edges[0] if courses else 0.0
-    return TapeLedger(tuple(rows), tuple(made), used, *_shares(trajectory, courses)), failures
+    return TapeLedger(tuple(rows), tuple(made), used, *_shares(case)), failures
 
 
-def _roll_edges(trajectory: Trajectory, courses: Sequence[Laid]) -> list[float]:
+def _roll_edges(case: Case) -> list[float]:
     """Station of the first roll's leading edge, where u begins, then of each course's roll: u at the stop before it."""
-    stops, u = np.flatnonzero(trajectory.events == Event.STOP), _fed(trajectory)
+    trajectory, u = case.trajectory, case.fed
+    stops = np.flatnonzero(trajectory.events == Event.STOP)
     edges = np.append(u[np.argmin(np.isnan(u))], u[stops + 1])
-    before = np.searchsorted(trajectory.times[stops], [course.begin for course in courses], side="right")
+    before = np.searchsorted(trajectory.times[stops], [course.begin for course in case.courses], side="right")
     return [float(edge) for edge in edges[np.append(0, before)]]
 
 
-def _fed(trajectory: Trajectory) -> Floats:
-    """Tape fed (n + 1,) at the program's start and every block's end, metres; NaN where it is not stated yet."""
-    u = trajectory.column("u")
-    return np.append(trajectory.start[u], trajectory.positions[:, u])
-
-
-def _reach(setup: Setup) -> float:
-    """How far across a knife goes in a sweep, in metres: the tape's width and both clearances."""
+def _sweep_width(setup: Setup) -> float:
+    """Return how far across a knife goes in a sweep, in metres: the tape's width and both clearances."""
     return (setup.tape.width_mm + 2 * setup.head.knife_clearance_mm) * MM
 
 
-def _lines(courses: Sequence[Laid], fresh: Sequence[bool], setup: Setup) -> list[_Line]:
+def _lines(case: Case, fresh: Sequence[bool]) -> list[_Line]:
     """Lines to be cut in the order of the tape; a cut that two courses share is one line."""
-    reach = _reach(setup)
+    sweep_width = _sweep_width(case.setup)
     lines: list[_Line] = []
-    for index, course in enumerate(courses):
+    for index, course in enumerate(case.courses):
         start, end = course.cut_angles
         last = lines[-1] if lines else None
         if (
             last
             and not fresh[index]
-            and abs(1 / np.tan(last.angle) - 1 / np.tan(start)) * reach <= SAME_LINE
-            and abs(last.station - course.station) <= setup.verification.max_cut_error_mm * MM
+            and abs(1 / np.tan(last.angle) - 1 / np.tan(start)) * sweep_width <= SAME_LINE
+            and abs(last.station - course.station) <= case.setup.verification.max_cut_error_mm * MM
         ):
             lines[-1] = _Line(last.station, last.angle, last.ending, index)
         else:
@@ -120,9 +104,9 @@ def _lines(courses: Sequence[Laid], fresh: Sequence[bool], setup: Setup) -> list
     return lines
 
 
-def _sweeps(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[_KnifePass]:
+def _sweeps(case: Case) -> list[_KnifePass]:
     """Everything that the knives do while they are down, in order."""
-    delay = setup.head.delays_ms.knife * 1e-3
+    trajectory, delay = case.trajectory, case.setup.head.delays_ms.knife * 1e-3
     sweeps = []
     for knife, (frame, down, up) in enumerate(KNIVES, 1):
         ups = np.flatnonzero(trajectory.events == up)
@@ -143,7 +127,7 @@ def _sweeps(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[_Kni
         spent = trajectory.durations[blocks]
         left = (trajectory.times[blocks] - moments) / np.where(spent > 0.0, spent, 1.0)
         joints = trajectory.within(blocks, np.clip(1.0 - left, 0.0, 1.0))
-        poses = machine.forward_all(joints, ("tape", frame))
+        poses = case.machine.forward_all(joints, ("tape", frame))
         tape, blade = poses["tape"], poses[frame]
         # The knife's origin and blade in the tape's axes: station against x, across along y.
         place = np.einsum("nji,nj->ni", tape[:, :3, :3], blade[:, :3, 3] - tape[:, :3, 3])
@@ -155,11 +139,10 @@ def _sweeps(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[_Kni
     return sorted(sweeps, key=lambda sweep: sweep.begin)
 
 
-def _matched(
-    trajectory: Trajectory, courses: Sequence[Laid], lines: Sequence[_Line], sweeps: Sequence[_KnifePass], setup: Setup
-) -> tuple[list[CutMade], list[Failure]]:
+def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -> tuple[list[CutMade], list[Failure]]:
     """Every line with the sweep that cuts it; lines not cut, cut again, or not well, and sweeps that cut no line."""
-    limits, reach = setup.verification, _reach(setup)
+    trajectory, courses = case.trajectory, case.courses
+    limits, sweep_width = case.setup.verification, _sweep_width(case.setup)
     stations = np.array([line.station for line in lines])
     found: dict[int, list[_KnifePass]] = {}
     failures = []
@@ -192,8 +175,8 @@ def _matched(
         if not turned <= limits.max_blade_error_deg * DEG:
             failures.append(Failure(course, point, "blade_error_deg", turned / DEG, limits.max_blade_error_deg, row))
         side = float(min(-np.min(sweep.across), np.max(sweep.across), abs(sweep.across[0]), abs(sweep.across[-1])))
-        if not side >= reach / 2 - limits.max_cut_error_mm * MM:
-            failures.append(Failure(course, point, "cut_width_mm", 2 * side / MM, reach / MM, row))
+        if not side >= sweep_width / 2 - limits.max_cut_error_mm * MM:
+            failures.append(Failure(course, point, "cut_width_mm", 2 * side / MM, sweep_width / MM, row))
         made.append(
             CutMade(
                 station=line.station,
@@ -211,16 +194,11 @@ def _matched(
 
 
 def _ledger(
-    trajectory: Trajectory,
-    courses: Sequence[Laid],
-    fresh: Sequence[bool],
-    edges: Sequence[float],
-    lines: Sequence[_Line],
-    made: Sequence[CutMade],
-    setup: Setup,
+    case: Case, fresh: Sequence[bool], edges: Sequence[float], lines: Sequence[_Line], made: Sequence[CutMade]
 ) -> tuple[list[LedgerRow], list[Failure]]:
     """Tape by course, and courses whose cuts lie closer than the angles allow."""
-    width, margin, reach = setup.tape.width_mm * MM, setup.head.scrap_margin_mm * MM, _reach(setup)
+    trajectory, courses, setup = case.trajectory, case.courses, case.setup
+    width, margin = setup.tape.width_mm * MM, setup.head.scrap_margin_mm * MM
     shared = {line.starting for line in lines if line.ending >= 0}
     rows, failures, before = [], [], edges[0]
     for index, course in enumerate(courses):
@@ -228,7 +206,7 @@ def _ledger(
         gap = course.station - before - left
         cot = 1 / np.tan(course.cut_angles[0])
         turn = abs(cot) if fresh[index] else abs(1 / np.tan(courses[index - 1].cut_angles[1]) - cot)
-        one_line = not fresh[index] and turn * reach <= SAME_LINE
+        one_line = not fresh[index] and turn * _sweep_width(setup) <= SAME_LINE
         formula = 0.0 if one_line else width / 2 * turn + margin
         knives = 0.0 if index in shared else gap - formula
         if not knives >= -setup.verification.max_cut_error_mm * MM:
@@ -262,24 +240,26 @@ def _stops(trajectory: Trajectory, course: Laid) -> int:
     return int(np.sum(np.diff(rests.astype(np.int8), prepend=np.int8(0)) == 1))
 
 
-def _rolls(trajectory: Trajectory, setup: Setup, machine: Machine) -> list[Failure]:
+def _rolls(case: Case) -> list[Failure]:
     """Rolls from which more tape is drawn, up to knife 2 when it comes in and when it runs out, than they hold."""
-    u, stops = _fed(trajectory), np.flatnonzero(trajectory.events == Event.STOP) + 1
+    trajectory, length, u = case.trajectory, case.setup.tape.roll_length_m, case.fed
+    stops = np.flatnonzero(trajectory.events == Event.STOP) + 1
     known = int(np.argmin(np.isnan(u)))
-    knives = machine.forward_all(np.zeros((1, len(machine.axes))), ("knife_1", "knife_2"))
+    knives = case.machine.forward_all(np.zeros((1, len(case.machine.axes))), ("knife_1", "knife_2"))
     pitch = float(np.linalg.norm(knives["knife_1"][0, :3, 3] - knives["knife_2"][0, :3, 3]))
     failures = []
     for first, last in zip([known, *stops], [*stops, len(u)], strict=True):
         used = u[first:last] - u[first] + pitch
-        empty = np.flatnonzero(~(used <= setup.tape.roll_length_m + ROLL_DIGIT))
+        empty = np.flatnonzero(~(used <= length + ROLL_DIGIT))
         if len(empty):
             line = int(trajectory.lines[max(first + int(empty[0]) - 1, 0)])
-            failures.append(Failure(0, 0, "roll_used_m", float(np.max(used)), setup.tape.roll_length_m, line))
+            failures.append(Failure(0, 0, "roll_used_m", float(np.max(used)), length, line))
     return failures
 
 
-def _shares(trajectory: Trajectory, courses: Sequence[Laid]) -> tuple[float, float, float]:
+def _shares(case: Case) -> tuple[float, float, float]:
     """Seconds that the program lays, threads, and does everything else."""
+    trajectory, courses = case.trajectory, case.courses
     laying = sum(course.end - course.begin for course in courses)
     outside = trajectory.kinds == Kind.LINEAR
     for course in courses:

@@ -41,7 +41,7 @@ class Head:
     roll_length: float
 
     @property
-    def reach(self) -> float:
+    def half_sweep(self) -> float:
         """Distance from the centre line to a sweep's start and end, in metres."""
         return self.tape_width / 2.0 + self.knife_clearance
 
@@ -53,12 +53,13 @@ def check_head(head: Head) -> None:
         TapeWiderThanTravel: a sweep needs more than a slide's travel.
         BladesMeet: the knives stand nearer to each other than their blades are long.
     """
+    half = head.half_sweep
     for axis, knife, (lower, upper) in (("v", 1, head.travel_v), ("q", 2, head.travel_q)):
-        if not (lower <= -head.reach and head.reach <= upper):
+        if not (lower <= -half and half <= upper):
             widest = max(0.0, 2e3 * (min(-lower, upper) - head.knife_clearance))
             raise TapeWiderThanTravel(
-                f"tape of {head.tape_width * 1e3:g} mm needs knife {knife} (axis {axis}) from {-head.reach * 1e3:g} to "
-                f"{head.reach * 1e3:g} mm, {head.knife_clearance * 1e3:g} mm beyond both edges, but it travels from "
+                f"tape of {head.tape_width * 1e3:g} mm needs knife {knife} (axis {axis}) from {-half * 1e3:g} to "
+                f"{half * 1e3:g} mm, {head.knife_clearance * 1e3:g} mm beyond both edges, but it travels from "
                 f"{lower * 1e3:g} to {upper * 1e3:g} mm; the widest tape is {widest:g} mm"
             )
     if not head.blade_length <= head.knife_pitch:

@@ -6,18 +6,15 @@ switched at their places along the course.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask
-from tapelayer.laying.evidence import Samples
-from tapelayer.laying.laid import Laid
-from tapelayer.laying.settings import Setup
+from tapelayer.laying.laid import Case
 from tapelayer.machines import gantry
-from tapelayer.machines.machine import Machine
-from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.motion.trajectory import Event, Kind
 from tapelayer.units import MM
 from tapelayer.verification.axis_use import FEED_DIGITS
 from tapelayer.verification.failures import Failure
@@ -27,41 +24,27 @@ DELAY_DIGITS = 2e-5
 # The heater is switched as exactly as this, in seconds.
 HEATER_TIME = 1e-3
 # Two moments so near to each other, in seconds, can be one, however the times before them are rounded.
-SAME_TIME = 1e-3
+CLOCK_DOUBT = 1e-3
 # A straight way is at its end so near to it, in metres; blocks are written to a micrometre in each axis.
 REACHED = 5e-6
 # A link's block is looked at here.
 LOOKED_AT = np.linspace(0.0, 1.0, 9)
 
 
-def judge_sequence(
-    trajectory: Trajectory,
-    courses: Sequence[Laid],
-    samples: Samples,
-    highest: float,
-    setup: Setup,
-    machine: Machine,
-    digits: Floats,
-) -> tuple[float, list[Failure]]:
-    """Least clearance of the roller over the part on its way from course to course, metres, and what fails.
+def judge_sequence(case: Case) -> tuple[float, list[Failure]]:
+    """Return the roller's least clearance over the part on its way from course to course, metres, and what fails.
 
     Args:
-        trajectory: planned, or read back from a program; every axis stated before the first feed.
-        courses: as the program lays them, in order; one at least.
-        samples: along these courses.
-        highest: z of the highest course point, `machine` axes, metres.
-        setup: the job's values.
-        machine: the gantry, with the setup's limits already in it.
-        digits: (k,) last written digit of each axis, metres and radians; 0 where there is none.
+        case: with one course at least.
     """
-    judge = _Judge(trajectory, courses, samples, highest, setup, machine, digits)
+    judge = _SequenceJudge(case)
     judge.heater()
     for gap in judge.gaps():
         up, down = 0, len(gap.rows)
         if gap.behind >= 0:
             judge.auxiliary_roller(gap)
             up = judge.retract(gap, judge.run_out(gap))
-        if gap.behind + 1 < len(courses):
+        if gap.behind + 1 < len(case.courses):
             down = judge.plunge(gap)
         judge.link(gap, up, max(up, down))
         judge.threading(gap)
@@ -103,21 +86,13 @@ class _Gap:
         return int(self.first + place)
 
 
-class _Judge:
-    """A trajectory and its courses, with what they have to keep, and what they fail in so far."""
+class _SequenceJudge:
+    """A case, with what its program has to keep, and what it fails in so far."""
 
-    def __init__(
-        self,
-        trajectory: Trajectory,
-        courses: Sequence[Laid],
-        samples: Samples,
-        highest: float,
-        setup: Setup,
-        machine: Machine,
-        digits: Floats,
-    ) -> None:
-        self.trajectory, self.courses, self.samples, self.highest = trajectory, courses, samples, highest
-        self.machine, self.digits = machine, digits
+    def __init__(self, case: Case) -> None:
+        self.trajectory, self.courses, self.samples = case.trajectory, case.courses, case.samples
+        self.machine, self.digits, self.highest = case.machine, case.digits, case.highest
+        setup, trajectory = case.setup, case.trajectory
         head, process, limits = setup.head, setup.process, setup.verification
         self.delays, self.heater_stop = head.delays_ms, head.heater_stop_s
         self.roller_words = {
@@ -129,7 +104,7 @@ class _Judge:
         wanted = process.approach_mm if process.link_clearance_mm is None else process.link_clearance_mm
         self.clearance = wanted * MM
         self.lay_speed, self.thread_speed = process.lay_speed_mm_per_s * MM, process.thread_speed_mm_per_s * MM
-        self.roller_radius, self.half_width = gantry.lengths(machine).radius, setup.tape.width_mm / 2 * MM
+        self.roller_radius, self.half_width = gantry.lengths(case.machine).radius, setup.tape.width_mm / 2 * MM
         self.off, self.tape_off = limits.max_position_error_mm * MM, limits.max_tape_error_mm * MM
         self.pose = [trajectory.column(name) for name in "xyzca"]
         self.sideways = [trajectory.column(name) for name in "xyca"]
@@ -249,7 +224,7 @@ class _Judge:
             (Event.ROLLER_UP, "up", laid.length + self.run_out_length),
         ):
             words, effects = self.roller_words[event]
-            own = np.flatnonzero((effects > laid.begin - SAME_TIME) & (effects < following - SAME_TIME))
+            own = np.flatnonzero((effects > laid.begin - CLOCK_DOUBT) & (effects < following - CLOCK_DOUBT))
             if len(own) != 1:
                 block = int(words[own[-1]]) if len(own) else gap.first
                 self.fail(gap.behind, f"auxiliary_roller_{name}_words", len(own), 1, block)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.laying.cut_assignment import LEAST_FEED, LEFT, MOVE_FEED, RIGHT, TOUCH, Assignment, assign_stations
 from tapelayer.laying.head import Head
 
@@ -37,17 +37,8 @@ class Step(IntEnum):
     UP = 4
 
 
-class _Rows:
-    """Arrays that nobody changes after they are made."""
-
-    def __post_init__(self) -> None:
-        for name, value in list(vars(self).items()):
-            if isinstance(value, np.ndarray):
-                object.__setattr__(self, name, frozen(value))
-
-
 @dataclass(frozen=True, eq=False)
-class Cuts(_Rows):
+class Cuts(Frozen):
     """Cuts in the order of their stations, one row each; a shared cut is one row.
 
     Attributes:
@@ -78,7 +69,7 @@ class Cuts(_Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class Moves(_Rows):
+class Moves(Frozen):
     """Moves of a raised knife from where a sweep left it to its next sweep's start, in the order of the cuts.
 
     Attributes:
@@ -101,7 +92,7 @@ class Moves(_Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class KnifeSteps(_Rows):
+class KnifeSteps(Frozen):
     """What the head does in order of u, each row once, the first time the tape gets there.
 
     Row 0 is how the head stands at u = 0. The first row at every u is a FEED, so everything is linear between rows.
@@ -158,7 +149,7 @@ class KnifeSteps(_Rows):
 
 
 @dataclass(frozen=True, eq=False)
-class TapePlan(_Rows):
+class TapePlan(Frozen):
     """A ply on the tape: where its courses lie, what is wasted before each, and who cuts it when.
 
     The head's way through it, course by course: rows `changing` (only before a new roll: feed to the roll's u, change
@@ -313,7 +304,7 @@ def _work(head: Head, placed: Assignment) -> tuple[Cuts, Moves]:
         starting=starting,
         knives=np.array([made.knife + 1 for made in placed.made]),
         u=np.array([(made.begin, made.end) for made in placed.made]),
-        slides=head.reach * np.column_stack([side, -side]),
+        slides=head.half_sweep * np.column_stack([side, -side]),
         blades=np.array([made.blade for made in placed.made]),
     )
     moved = [
@@ -326,7 +317,7 @@ def _work(head: Head, placed: Assignment) -> tuple[Cuts, Moves]:
         knives=cuts.knives[moved],
         cuts=np.array(moved, dtype=np.int64),
         u=np.column_stack([np.where(waits, begin, np.maximum(left[:, 0], begin - MOVE_FEED)), begin]),
-        slides=np.column_stack([head.reach * left[:, 1], cuts.slides[moved, 0]]),
+        slides=np.column_stack([head.half_sweep * left[:, 1], cuts.slides[moved, 0]]),
         blades=np.column_stack([left[:, 2], cuts.blades[moved]]),
     )
     return cuts, moves
@@ -345,7 +336,7 @@ def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int, turns_at_rest: bool
     """A knife's way through the ply, in order; a blade that turns at rest does so at the end of its slide's move."""
     own = np.flatnonzero(cuts.knives == knife + 1)
     move_to = dict(zip(moves.cuts.tolist(), range(len(moves)), strict=True))
-    side, blade = (LEFT, RIGHT)[knife] * head.reach, float(cuts.blades[own[0]]) if len(own) else 0.0
+    side, blade = (LEFT, RIGHT)[knife] * head.half_sweep, float(cuts.blades[own[0]]) if len(own) else 0.0
     nodes = [_Node(0.0, Step.FEED, side, blade)]
     for cut in own.tolist():
         move = move_to.get(cut)

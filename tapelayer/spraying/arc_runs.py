@@ -8,10 +8,11 @@ import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.motion.trajectory import MOTIONS, Event, Trajectory
+from tapelayer.vectors import ramp
+from tapelayer.verification.sampling import sample_counts
 
-# Between two block ends the path is looked at this often, and at least every so many metres.
-LEAST_SAMPLES = 4
-SAMPLE_STEP = 2.5e-3
+# Between two block ends a pass is looked at at least every so many metres.
+SPRAYED_SAMPLE_STEP = 2.5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +56,9 @@ def arc_runs_of(trajectory: Trajectory) -> list[ArcRun]:
 
 def sampled(trajectory: Trajectory, blocks: Ints) -> tuple[Floats, Floats, Ints]:
     """Joint values (n, k), times (n,) in seconds and blocks (n,) at the ends of blocks (b,) and between."""
-    counts = np.maximum(LEAST_SAMPLES, np.ceil(ways_of(trajectory, blocks) / SAMPLE_STEP).astype(np.int64))
-    rows = np.repeat(blocks, counts)
-    step = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts) + 1
-    fractions = step / np.repeat(counts, counts)
-    rows, fractions = np.append(blocks[0], rows), np.append(0.0, fractions)
+    counts = sample_counts(ways_of(trajectory, blocks), SPRAYED_SAMPLE_STEP)
+    block, step = ramp(counts)
+    rows, fractions = np.append(blocks[0], blocks[block]), np.append(0.0, (step + 1) / counts[block])
     times = trajectory.times[rows] - (1.0 - fractions) * trajectory.durations[rows]
     return trajectory.within(rows, fractions), times, rows
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Mask, frozen
+from tapelayer.arrays import Floats, Frozen, Mask
 from tapelayer.spraying.deposition import (
     Evenness,
     Spots,
@@ -29,7 +29,7 @@ _SPOTS = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Coat:
+class Coat(Frozen):
     """What is on the surface after a program.
 
     Attributes:
@@ -45,10 +45,6 @@ class Coat:
     thickness: Floats
     relative: bool
     evenness: Evenness
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        object.__setattr__(self, "thickness", frozen(self.thickness))
 
 
 def coat_of(samples: SpraySamples, reach: Reach, setup: SpraySetup) -> Coat:

@@ -18,11 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.geometry.envelope import upper_envelope
 from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.slicing import plane_direction, plane_heights, slice, strip_widths
 from tapelayer.spraying.footprint import Footprint
+from tapelayer.vectors import dot, ramp
 
 # Samples farther from P than so many reaches of the footprint get nothing; on a slope one is not enough.
 _SEARCH = 2.0
@@ -35,7 +36,7 @@ _SAME_PLACE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class Surface(Frozen):
     """Samples of a surface.
 
     Attributes:
@@ -48,18 +49,13 @@ class Surface:
     normals: Floats
     areas: Floats
 
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("points", "normals", "areas"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
-
     def only(self, chosen: Mask) -> Surface:
         """The samples that are chosen by (m,)."""
         return Surface(self.points[chosen], self.normals[chosen], self.areas[chosen])
 
 
 @dataclass(frozen=True, eq=False)
-class Spots:
+class Spots(Frozen):
     """Places where the gun stays for a moment with the arc on.
 
     Attributes:
@@ -71,11 +67,6 @@ class Spots:
     points: Floats
     axes: Floats
     seconds: Floats
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("points", "axes", "seconds"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
 @dataclass(frozen=True)
@@ -184,8 +175,8 @@ def exposure(footprint: Footprint, standoff: float, spots: Spots, surface: Surfa
         spot, sample = near["i"], near["j"]
         axes = spots.axes[rows][spot]
         ways = surface.points[sample] - (spots.points[rows] + standoff * spots.axes[rows])[spot]
-        depths = -np.einsum("ij,ij->i", ways, axes)
-        facing = -np.einsum("ij,ij->i", ways, surface.normals[sample])
+        depths = -dot(ways, axes)
+        facing = -dot(ways, surface.normals[sample])
         met = (depths > 0) & (facing > 0)
         spot, sample, depths, facing = spot[met], sample[met], depths[met], facing[met]
         offsets = np.linalg.norm(ways[met] + depths[:, None] * axes[met], axis=1)
@@ -217,8 +208,7 @@ def evenness(thickness: Floats, surface: Surface, inside: Mask) -> Evenness:
 
 def _parts(parts: Ints) -> tuple[Ints, Floats]:
     """Of ways in (n,) equal parts: the way of each part, and the share of the way at which the part's middle lies."""
-    owner = np.repeat(np.arange(len(parts)), parts)
-    number = np.arange(len(owner)) - (np.cumsum(parts) - parts)[owner]
+    owner, number = ramp(parts)
     return owner, (number + 0.5) / parts[owner]
 
 

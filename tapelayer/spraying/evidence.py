@@ -8,13 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask, SampleTable
-from tapelayer.verification.failures import Failure, Findings
-
-
-class SprayFailure(Failure):
-    """One thing that a spraying program must keep and does not; its number is that of the pass."""
-
-    OF = "pass"
+from tapelayer.verification.failures import Findings
 
 
 @dataclass(frozen=True, eq=False)

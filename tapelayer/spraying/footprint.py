@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tapelayer.arrays import Floats, frozen
+from tapelayer.arrays import Floats, Frozen
 from tapelayer.errors import FootprintRefused, InputFault
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import MM
@@ -110,7 +110,7 @@ class ParabolicPass(Footprint):
 
 
 @dataclass(frozen=True, eq=False)
-class Profile(Footprint):
+class Profile(Frozen, Footprint):
     """Measured flux, straight between its points.
 
     Attributes:
@@ -122,13 +122,13 @@ class Profile(Footprint):
     fluxes: Floats
 
     def __post_init__(self) -> None:
-        """Freeze the arrays, and scale the fluxes to the unit integral."""
+        """Scale the fluxes to the unit integral, and freeze the arrays."""
         inner, outer = self.radii[:-1], self.radii[1:]
         slopes = np.diff(self.fluxes) / np.diff(self.radii)
         heights = self.fluxes[:-1] - slopes * inner
         total = 2 * np.pi * np.sum(heights * (outer**2 - inner**2) / 2 + slopes * (outer**3 - inner**3) / 3)
-        object.__setattr__(self, "radii", frozen(self.radii))
-        object.__setattr__(self, "fluxes", frozen(self.fluxes / total))
+        object.__setattr__(self, "fluxes", self.fluxes / total)
+        super().__post_init__()
 
     @property
     def reach(self) -> float:

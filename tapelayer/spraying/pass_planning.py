@@ -23,6 +23,7 @@ from tapelayer.spraying.settings import SpraySetup
 from tapelayer.spraying.smoothing import Smoothed, creases, smooth
 from tapelayer.spraying.steep_sides import flank_heights, on_steep_sides
 from tapelayer.units import DEG, MM
+from tapelayer.vectors import ramp
 
 # What planning leaves of the permitted deviation to the way between two points, where nothing else is exact.
 LEAN_MARGIN = NORMAL_TOLERANCE
@@ -318,8 +319,7 @@ def _subdivided(
     """
     lengths = np.diff(places)
     counts = np.where(lengths > 0.0, np.ceil(lengths / spacing - 1e-9), 0.0).astype(np.int64)
-    row = np.repeat(np.arange(len(counts)), counts)
-    step = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    row, step = ramp(counts)
     share = step / counts[row]
     inner = step > 0
     blended = normals[row] + share[:, None] * (normals[row + 1] - normals[row])

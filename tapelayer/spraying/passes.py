@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from tapelayer.arrays import Floats, Ints, frozen
+from tapelayer.arrays import Floats, Frozen, Ints
 from tapelayer.geometry.toolpath import Toolpath
 
 # No facet: a gap that is bridged, or beyond the surface's edge.
@@ -13,7 +13,7 @@ NO_FACET = -1
 
 
 @dataclass(frozen=True, eq=False)
-class Pass:
+class Pass(Frozen):
     """One way over the surface with the arc on, from the start of its lead-in to the end of its run-out.
 
     Attributes:
@@ -35,11 +35,6 @@ class Pass:
     layer: int
     plane: int
     curve: int
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("leans", "facets", "bounds", "exempt"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
 
     def reversed(self) -> Pass:
         """The same way backwards."""

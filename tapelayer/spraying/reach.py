@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.geometry.envelope import upper_envelope
 from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.slicing import slice, strip_widths
@@ -46,7 +46,7 @@ def wrist_of(setup: SpraySetup, machine: Machine) -> Wrist:
 
 
 @dataclass(frozen=True, eq=False)
-class Segments:
+class Segments(Frozen):
     """Pieces of sections that can be sprayed, in the order of planes and of travel.
 
     Attributes:
@@ -62,11 +62,6 @@ class Segments:
     facets: Ints
     planes: Ints
     goes_on: Mask
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("begins", "ends", "facets", "planes", "goes_on"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
     def lengths(self) -> Floats:

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.machines.wrist import angles_between
+from tapelayer.vectors import dot
 
 # Share of the permitted deviation that smoothing takes where the facets do not need more: the rest is the wrist's.
 _SMOOTHING_SHARE = 0.5
@@ -26,7 +27,7 @@ _ROUNDS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothed:
+class Smoothed(Frozen):
     """The gun's direction along a section.
 
     Attributes:
@@ -36,11 +37,6 @@ class Smoothed:
 
     normals: Floats
     deviations: Floats
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        object.__setattr__(self, "normals", frozen(self.normals))
-        object.__setattr__(self, "deviations", frozen(self.deviations))
 
 
 def creases(stations: Floats, normals: Floats, reach: float, limit: float) -> Floats:
@@ -131,7 +127,7 @@ def brought_near(directions: Floats, first: Floats, second: Floats, limits: Floa
         second: the other one.
         limits: (n,) greatest angles in radians.
     """
-    cosine = np.clip(np.einsum("ij,ij->i", first, second), -1.0, 1.0)[:, None]
+    cosine = np.clip(dot(first, second), -1.0, 1.0)[:, None]
     middle = (first + second) / np.linalg.norm(first + second, axis=1)[:, None]
     # Where the circles round both normals meet: height above and distance along their common great circle.
     height = np.cos(limits)[:, None] / (1.0 + cosine)
@@ -206,7 +202,7 @@ def _unit(vectors: Floats) -> Floats:
 
 def _turned_to(directions: Floats, normals: Floats, limits: Floats) -> Floats:
     """Each direction (n, 3) turned towards its normal (n, 3) until it is within its limit (n,), radians."""
-    cosine = np.einsum("ij,ij->i", directions, normals)[:, None]
+    cosine = dot(directions, normals)[:, None]
     across = directions - cosine * normals
     length = np.linalg.norm(across, axis=1)[:, None]
     near = np.arctan2(length, cosine) <= limits[:, None]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from tapelayer.arrays import Floats, Ints, Mask, frozen
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.machines.wrist import ROUNDING, Wrist, angles_between, gun_axes, turns
 from tapelayer.spraying.passes import Reason
 
@@ -32,7 +32,7 @@ _IDLE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class Followed(Frozen):
     """The wrist's path over a pass: pieces, each with arc on from end to end.
 
     Piece k has the rows starts[k] to starts[k + 1] (the last: to the end).
@@ -51,11 +51,6 @@ class Followed:
     phi: Floats
     starts: Ints
     reasons: tuple[Reason, ...]
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("points", "theta", "phi", "starts"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
 
 
 def follow(wrist: Wrist, normals: Floats, arc_lengths: Floats, leans: Floats, theta_before: float) -> Followed:
@@ -122,7 +117,7 @@ class _RoutePiece:
 
 
 @dataclass(frozen=True, eq=False)
-class _States:
+class _States(Frozen):
     """For n points and k cells of theta: the best theta in the cell, the lean there and the phi that serve, (n, k)."""
 
     theta: Floats
@@ -130,11 +125,6 @@ class _States:
     phi_lower: Floats
     phi_upper: Floats
     open: Mask
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("theta", "lean", "phi_lower", "phi_upper", "open"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @staticmethod
     def of(wrist: Wrist, normals: Floats, leans: Floats, cell: float) -> _States:

@@ -11,6 +11,7 @@ import numpy as np
 from tapelayer.arrays import Floats
 from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.units import DEG, MM, json_number
+from tapelayer.verification.breach import Breach
 
 if TYPE_CHECKING:
     from tapelayer.machines.machine import Axis
@@ -78,19 +79,9 @@ class AxisUse:
         return {"unit": self.unit, **{key: json_number(value * self.scale) for key, value in values.items()}}
 
 
-@dataclass(frozen=True)
-class Beyond:
-    """A block in which an axis is beyond its travel, or faster than it may be; value and limit are in its unit."""
-
-    block: int
-    what: str
-    value: float
-    limit: float
-
-
 def axes_used(
     trajectory: Trajectory, axes: Sequence[Axis], digits: Floats, rounding: Floats
-) -> tuple[tuple[AxisUse, ...], list[Beyond]]:
+) -> tuple[tuple[AxisUse, ...], list[Breach]]:
     """Travel and speed of every axis, and the worst block of each that is beyond.
 
     Args:
@@ -117,9 +108,9 @@ def axes_used(
         if not np.all(inside):
             row = int(np.argmax(np.nan_to_num(np.maximum(axis.lower - values, values - axis.upper), nan=-np.inf)))
             bound = axis.lower if values[row] < axis.lower else axis.upper
-            found.append(Beyond(row, travel, float(values[row]) * use.scale, bound * use.scale))
+            found.append(Breach(row, travel, float(values[row]) * use.scale, bound * use.scale))
         if not top <= axis.speed * (1 + FEED_DIGITS):
             row = int(feeding[np.argmax(np.nan_to_num(speeds, nan=np.inf))])
-            found.append(Beyond(row, speed, top * use.scale, axis.speed * use.scale))
+            found.append(Breach(row, speed, top * use.scale, axis.speed * use.scale))
         uses.append(use)
     return tuple(uses), found

@@ -21,10 +21,8 @@ class Failure:
         value: what was found, in the quantity's unit.
         limit: what is allowed, in the same unit.
         line: line of the program (from 1), 0 where it was not read from text.
+        of: what the number counts.
     """
-
-    # What the number counts.
-    OF: ClassVar[str] = "course"
 
     number: int
     point: int
@@ -32,17 +30,18 @@ class Failure:
     value: float
     limit: float
     line: int = 0
+    of: str = "course"
 
     def sentence(self) -> str:
         """The failure in words."""
-        place = " ".join(f"{name} {at}" for name, at in ((self.OF, self.number), ("point", self.point)) if at)
+        place = " ".join(f"{name} {at}" for name, at in ((self.of, self.number), ("point", self.point)) if at)
         where = [f"line {self.line}"] if self.line else []
         found = f"{self.what} is {self.value:.6g}, limit {self.limit:.6g}"
         return ": ".join([*where, *([place] if place else []), found])
 
     def values(self) -> dict[str, Any]:
         """The failure for JSON."""
-        place = {self.OF: self.number, "point": self.point}
+        place = {self.of: self.number, "point": self.point}
         found = {"what": self.what, "value": json_number(self.value), "limit": json_number(self.limit)}
         return place | found | ({"line": self.line} if self.line else {})
 

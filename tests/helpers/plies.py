@@ -36,7 +36,7 @@ def job_of(courses: tuple[Course, ...], setup: Setup, controller: Controller = C
 def exported(job: Job) -> tuple[bytes, Evidence]:
     """NC text, and what it was judged by after it was read back."""
     text = job.text(job.plan())
-    return text, job.inspector(None).examine(job.read_back(text, "ply.nc").trajectory, job.resolution)
+    return text, job.inspector(None).judge(job.read_back(text, "ply.nc").trajectory, job.resolution)
 
 
 def cut_at(courses: tuple[Course, ...], *angles: float) -> tuple[Course, ...]:

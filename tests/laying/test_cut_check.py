@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tapelayer.laying.cut_check import judge_cuts
-from tapelayer.laying.evidence import TapeLedger
-from tapelayer.laying.laid import Laid
+from tapelayer.laying.evidence import Samples, TapeLedger
+from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
@@ -82,7 +82,9 @@ def laid(number: int, station: float, length: float, *angles: float, begin: floa
 
 
 def judged(program: Program, *courses: Laid, setup: Setup | None = None) -> tuple[TapeLedger, list[Failure]]:
-    return judge_cuts(program.trajectory, courses, setup or setup_of(), MACHINE)
+    return judge_cuts(
+        Case(program.trajectory, courses, Samples.joined([]), 0.0, setup or setup_of(), MACHINE, np.zeros(len(NAMES)))
+    )
 
 
 def said(failures: list[Failure]) -> list[tuple[int, str, int]]:

@@ -11,7 +11,7 @@ import pytest
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import read_courses
 from tapelayer.errors import VerificationFailed
-from tapelayer.laying import inspection
+from tapelayer.laying import sampling
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.inspection import Inspector, verify
 from tapelayer.laying.program import plan
@@ -19,7 +19,7 @@ from tapelayer.machines import gantry
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.units import DEG, MM
-from tapelayer.verification.failures import Failure
+from tapelayer.verification import sampling as density
 from tests.helpers.surfaces import flat_course, helix_course, setup_of
 
 MACHINE = Machine.load()
@@ -73,7 +73,7 @@ def changed(name: str, rows: np.ndarray | int, value: float) -> Change:
 
 def examined(change: Change) -> Evidence:
     lines = np.arange(1, len(GOOD) + 1, dtype=np.int32)
-    return INSPECTOR.examine(change(replace(GOOD, lines=lines)))
+    return INSPECTOR.judge(change(replace(GOOD, lines=lines)))
 
 
 MIDDLE = laying_rows(1)[10]
@@ -141,18 +141,11 @@ def test_failure_stops_the_way_to_a_program() -> None:
     assert not caught.value.evidence.passed
 
 
-def test_a_sentence_names_its_place() -> None:
-    assert Failure(3, 7, "tape_error_mm", 1.5, 0.05, 12).sentence() == (
-        "line 12: course 3 point 7: tape_error_mm is 1.5, limit 0.05"
-    )
-    assert Failure(0, 0, "courses_laid", 1, 2).sentence() == "courses_laid is 1, limit 2"
-
-
 def test_halving_the_sample_step_changes_nothing_visible(monkeypatch: pytest.MonkeyPatch) -> None:
-    coarse = INSPECTOR.examine(GOOD).samples
-    monkeypatch.setattr(inspection, "LEAST_SAMPLES", 8)
-    monkeypatch.setattr(inspection, "SAMPLE_STEP", 2.5e-3)
-    fine = INSPECTOR.examine(GOOD).samples
+    coarse = INSPECTOR.judge(GOOD).samples
+    monkeypatch.setattr(density, "LEAST_SAMPLES", 8)
+    monkeypatch.setattr(sampling, "LAID_SAMPLE_STEP", 2.5e-3)
+    fine = INSPECTOR.judge(GOOD).samples
     assert len(fine.tilts) > 1.9 * len(coarse.tilts)
     for name in ("position_errors", "tilts", "heading_errors", "tape_errors"):
         was, now = (np.max(np.abs(getattr(samples, name))) for samples in (coarse, fine))
@@ -163,22 +156,22 @@ def test_a_written_digit_may_exceed_a_speed_by_no_more() -> None:
     quick = changed("durations", MIDDLE, 0.9 * GOOD.durations[MIDDLE])(GOOD)
     step = np.max(np.abs(GOOD.positions[MIDDLE] - GOOD.positions[MIDDLE - 1]))
     digits = np.full(10, 1e-6)
-    assert not INSPECTOR.examine(quick, digits).passed
-    assert INSPECTOR.examine(quick, np.full(10, 0.06 * step)).passed
+    assert not INSPECTOR.judge(quick, digits).passed
+    assert INSPECTOR.judge(quick, np.full(10, 0.06 * step)).passed
 
 
 def test_pinocchio_itself_judges_the_batch_evaluator(monkeypatch: pytest.MonkeyPatch) -> None:
     honest = Machine.forward_pinocchio
     monkeypatch.setattr(Machine, "forward_pinocchio", lambda self, q, frame: honest(self, q, frame) + 1e-8)
-    assert [f.what for f in INSPECTOR.examine(GOOD).failures] == ["forward_disagreement_m"]
+    assert [f.what for f in INSPECTOR.judge(GOOD).failures] == ["forward_disagreement_m"]
 
 
 def test_delays_are_part_of_what_is_judged() -> None:
     """The words stand earlier by the delay; without it in the setup the same program is wrong."""
     delayed = setup_of("[head]\ndelays_ms = {shoe = 100}")
     trajectory = plan(COURSES, delayed, MACHINE)
-    assert Inspector(COURSES, delayed, MACHINE).examine(trajectory).passed
-    assert "laid_length_mm" in {f.what for f in INSPECTOR.examine(trajectory).failures}
+    assert Inspector(COURSES, delayed, MACHINE).judge(trajectory).passed
+    assert "laid_length_mm" in {f.what for f in INSPECTOR.judge(trajectory).failures}
 
 
 def test_the_papers_form_is_reported_loudly_and_judged_only_where_asked(shared: object) -> None:
@@ -192,7 +185,7 @@ def test_the_papers_form_is_reported_loudly_and_judged_only_where_asked(shared: 
         if offset:
             assert np.max(evidence.samples.offsets) / MM == pytest.approx(offset, abs=0.05)
         asked = setup_of('[process]\nkinematics = "published"\n[verification]\nmax_roller_tilt_deg = 1')
-        assert {f.what for f in Inspector(courses, asked, MACHINE).examine(plan(courses, asked, MACHINE)).failures} == {
+        assert {f.what for f in Inspector(courses, asked, MACHINE).judge(plan(courses, asked, MACHINE)).failures} == {
             "roller_tilt_deg"
         }
 

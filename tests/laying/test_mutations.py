@@ -365,7 +365,7 @@ def faults_of(job: Job, mutant: Mutant) -> list[tuple[int, str]]:
         program = job.read_back(("\n".join(mutant[1]) + "\n").encode(), "mutant.nc")
     except ProgramRefused as refused:
         return [(fault.line, fault.sentence) for fault in refused.faults]
-    failures = job.inspector(None).examine(program.trajectory, job.resolution).failures
+    failures = job.inspector(None).judge(program.trajectory, job.resolution).failures
     return [(failure.line, failure.sentence()) for failure in failures]
 
 
@@ -484,7 +484,7 @@ def check(kind: str, name: str, job: Job, lines: Sequence[Line], mutant: Mutant)
 @pytest.mark.parametrize("name", PLIES)
 def test_the_programs_are_good_before_they_are_broken(name: str) -> None:
     job, text = good(name)
-    evidence = job.inspector(None).examine(job.read_back(text, "good.nc").trajectory, job.resolution)
+    evidence = job.inspector(None).judge(job.read_back(text, "good.nc").trajectory, job.resolution)
     assert evidence.passed, evidence.worst(5)
     if name != SLOW:
         assert faults_of_the_tape(text, job.courses, job.setup, job.machine) == []

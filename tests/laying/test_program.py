@@ -312,4 +312,4 @@ def test_a_blade_that_turns_alone_turns_while_everything_else_rests() -> None:
         turning = steps[:, blade] != 0.0
         assert np.any(turning)
         assert (not np.any(steps[turning][:, others])) == expected
-    assert Inspector(courses, setup_of(), MACHINE).examine(alone).passed
+    assert Inspector(courses, setup_of(), MACHINE).judge(alone).passed

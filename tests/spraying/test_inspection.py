@@ -18,7 +18,7 @@ from tapelayer.geometry.mesh import Mesh
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.setups.sections import parse_setup
-from tapelayer.spraying.evidence import SprayEvidence, SprayFailure
+from tapelayer.spraying.evidence import SprayEvidence
 from tapelayer.spraying.inspection import SprayInspector
 from tapelayer.spraying.pass_planning import plan_passes
 from tapelayer.spraying.passes import Plan
@@ -57,7 +57,7 @@ def planned(name: str, text: str = "") -> tuple[SprayInspector, Spraying, Plan, 
 
 
 def examined(trajectory: Trajectory, name: str, text: str = "") -> SprayEvidence:
-    return planned(name, text)[0].examine(trajectory)
+    return planned(name, text)[0].judge(trajectory)
 
 
 def failures(trajectory: Trajectory, name: str, text: str = "") -> set[str]:
@@ -106,7 +106,7 @@ def test_the_gun_s_deviation_is_that_of_the_facets() -> None:
     trajectory = spraying.trajectory
     positions = trajectory.positions.copy()
     positions[1:, 4] += 7 * DEG
-    leaning = inspector.examine(replace(trajectory, positions=positions))
+    leaning = inspector.judge(replace(trajectory, positions=positions))
     found = leaning.samples.deviations[~np.isnan(leaning.samples.deviations)]
     np.testing.assert_allclose(found, 7 * DEG, atol=1e-9)
     assert leaning.passed
@@ -149,7 +149,6 @@ def test_a_failure_says_where_it_is() -> None:
     first = str(caught.value).splitlines()[0]
     assert re.fullmatch(rf"line {block + 11}: pass 1 point \d+: position_error_mm is 1, limit 0.05", first), first
     assert caught.value.exit_code == 1
-    assert SprayFailure(0, 0, "x_mm", 1.0, 2.0).sentence() == "x_mm is 1, limit 2"
 
 
 @pytest.mark.parametrize(
@@ -253,7 +252,7 @@ def test_the_arc_beside_the_part_is_found() -> None:
     short = short.moved(np.eye(3), mesh.vertices.min(axis=0))
     nowhere = [replace(found, facets=np.full(len(found.facets), -1)) for found in plan.passes]
     judge = SprayInspector(nowhere, (), short, setup, MACHINE)
-    (failure,) = judge.examine(spraying.trajectory).failures
+    (failure,) = judge.judge(spraying.trajectory).failures
     assert failure.what == "arc_beside_part_mm"
     assert failure.value == pytest.approx(130.0, abs=1e-6)
     assert failure.limit == pytest.approx(60.05)
@@ -267,7 +266,7 @@ def test_splits_are_found_with_their_reasons() -> None:
         assert (found.number, found.reason) == (split.number, "crease")
         np.testing.assert_allclose(found.point, split.point, atol=1e-9)
     unplanned = SprayInspector(inspector.passes, (), inspector.mesh, inspector.setup, inspector.machine)
-    assert {found.reason for found in unplanned.examine(spraying.trajectory).splits} == {""}
+    assert {found.reason for found in unplanned.judge(spraying.trajectory).splits} == {""}
 
 
 def test_a_program_without_any_arc_fails() -> None:

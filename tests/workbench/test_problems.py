@@ -12,7 +12,7 @@ import pytest
 from tapelayer import errors
 from tapelayer.errors import CourseFileRefused, InputFault, TapelayerError, VerificationFailed
 from tapelayer.laying.evidence import Evidence, Samples, TapeLedger
-from tapelayer.spraying.evidence import SprayEvidence, SprayFailure, SpraySamples
+from tapelayer.spraying.evidence import SprayEvidence, SpraySamples
 from tapelayer.verification.failures import Failure
 from tapelayer.workbench.problems import CODES, SHOWN_PLACES, Problem, code_of, of_error, problem_of, responses
 
@@ -103,7 +103,7 @@ SPRAY = SprayEvidence(
     axes=(),
     limits={},
     samples=SpraySamples.joined([]),
-    failures=(SprayFailure(2, 5, "deviation_deg", 20.0, 15.0, 9),),
+    failures=(Failure(2, 5, "deviation_deg", 20.0, 15.0, 9, "pass"),),
 )
 
 

@@ -1,0 +1,95 @@
+"""Sampling: when a program lays its courses, and where these are looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
+from tapelayer.laying.settings import Setup
+from tapelayer.motion.trajectory import Event, Trajectory
+from tapelayer.vectors import ramp
+from tapelayer.verification.sampling import sample_counts
+
+# Between two block ends a course is looked at at least every so many metres.
+LAID_SAMPLE_STEP = 5e-3
+
+
+@dataclass(frozen=True)
+class Laying:
+    """From the shoe's touch to its lift: the time it begins and ends, in seconds from the program's start."""
+
+    begin: float
+    end: float
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, eq=False)
+class SamplePlaces(Frozen):
+    """Where some courses are looked at while they are laid, rows in laying order.
+
+    Attributes:
+        courses: (n,) index of the course, rising.
+        blocks: (n,) index of the block.
+        times: (n,) seconds from the program's start.
+        joints: (n, k) joint values, metres and radians.
+        ends: (n,) True at block ends and at each course's begin.
+    """
+
+    courses: Ints
+    blocks: Ints
+    times: Floats
+    joints: Floats
+    ends: Mask
+
+    @classmethod
+    def along(cls, trajectory: Trajectory, layings: Sequence[Laying], indices: Ints) -> SamplePlaces:
+        """Return the places along the layings of the courses with these (m,) rising indices."""
+        chosen = [layings[index] for index in indices]
+        rows = np.concatenate([np.arange(laying.first, laying.last) for laying in chosen])
+        lengths = [laying.last - laying.first for laying in chosen]
+        courses = np.repeat(indices, lengths)
+        start = np.repeat([laying.begin for laying in chosen], lengths)
+        stop = np.repeat([laying.end for laying in chosen], lengths)
+        ends = trajectory.times[rows]
+        begins = ends - trajectory.durations[rows]
+        # A block shorter than the clock can tell is not on the way; a move in it fails for its speed.
+        timed = (ends > begins) & (ends > start) & (begins < stop)
+        rows, courses, begins, ends = rows[timed], courses[timed], begins[timed], ends[timed]
+        from_, to = np.maximum(begins, start[timed]), np.minimum(ends, stop[timed])
+        u = trajectory.column("u")
+        distance = np.abs(trajectory.positions[rows, u] - trajectory.begins(rows)[:, u])
+        steps = sample_counts(distance, LAID_SAMPLE_STEP)
+        # Every block is looked at from behind its begin to its end, a course's first block at its begin, too.
+        first = np.diff(courses, prepend=-1) > 0
+        counts = steps + first
+        block, number = ramp(counts)
+        step = number + 1 - first[block]
+        times = np.where(step == steps[block], to[block], from_[block] + (to - from_)[block] * step / steps[block])
+        shares = np.clip((times - begins[block]) / (ends - begins)[block], 0.0, 1.0)
+        joints = trajectory.within(rows[block], shares)
+        return cls(courses[block], rows[block], times, joints, (step == 0) | (step == steps[block]))
+
+    def rows(self, course: int) -> slice:
+        """Return the rows of the course with an index."""
+        return slice(*np.searchsorted(self.courses, [course, course + 1]).tolist())
+
+
+def layings_of(trajectory: Trajectory, setup: Setup) -> list[Laying]:
+    """Return every stretch with the shoe down, by when its words take effect."""
+    delay = setup.head.delays_ms.shoe * 1e-3
+    down = np.flatnonzero(trajectory.events == Event.SHOE_DOWN)
+    up = np.flatnonzero(trajectory.events == Event.SHOE_UP)
+    layings = []
+    for start in down:
+        later = up[up > start]
+        if not len(later):
+            break
+        begin, end = trajectory.times[start] + delay, trajectory.times[later[0]] + delay
+        first, last = np.searchsorted(trajectory.times, begin, side="right"), np.searchsorted(trajectory.times, end)
+        if end > begin:
+            layings.append(Laying(float(begin), float(end), int(first), int(last) + 1))
+    return layings

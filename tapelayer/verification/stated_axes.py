@@ -1,0 +1,20 @@
+"""Stated axes: a program says where every axis is before it moves by feed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tapelayer.motion.trajectory import Kind, Trajectory
+from tapelayer.verification.breach import Breach
+
+UNSTATED = "unstated_axes"
+
+
+def unstated_axes(trajectory: Trajectory) -> list[Breach]:
+    """Return the first block that is no rapid and comes before every axis has been stated, where there is one."""
+    unknown = np.isnan(trajectory.positions)
+    lost = np.any(unknown, axis=1) & (trajectory.kinds != Kind.RAPID)
+    if not np.any(lost):
+        return []
+    row = int(np.argmax(lost))
+    return [Breach(row, UNSTATED, int(np.sum(unknown[row])), 0)]

@@ -1,0 +1,88 @@
+"""Travel and speed of the axes, and who leaves them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tapelayer.machines.machine import Axis
+from tapelayer.motion.trajectory import Kind, Trajectory
+from tapelayer.verification.axis_use import FEED_DIGITS, AxisUse, axes_used
+from tapelayer.verification.breach import Breach
+from tests.helpers.by_hand import driven
+
+X, C = Axis("x", False, -1.0, 2.0, 0.5), Axis("c", True, -math.pi, math.pi, 1.0)
+NONE = np.zeros(2)
+
+
+def used(trajectory: Trajectory, digit: float = 0.0, rounding: float = 0.0) -> tuple[tuple[AxisUse, ...], list[Breach]]:
+    return axes_used(trajectory, (X, C), np.full(2, digit), np.full(2, rounding))
+
+
+def test_travel_and_speed_are_those_of_the_way() -> None:
+    (x, c), breaches = used(driven([[0.3, 0.1], [0.1, -0.5], [0.4, -0.5]], "xc"))
+    assert breaches == []
+    assert (x.least, x.greatest, x.top_speed, x.margin) == (0.1, 0.4, pytest.approx(0.3), pytest.approx(1.1))
+    assert (c.least, c.greatest, c.top_speed, c.margin) == (-0.5, 0.1, pytest.approx(0.6), pytest.approx(math.pi - 0.5))
+    assert (x.unit, c.unit) == ("mm", "deg")
+    assert x.values()["max"] == pytest.approx(400.0)
+    assert c.values() == {
+        "unit": "deg",
+        "min": pytest.approx(math.degrees(-0.5)),
+        "max": pytest.approx(math.degrees(0.1)),
+        "lower": pytest.approx(-180.0),
+        "upper": pytest.approx(180.0),
+        "margin": pytest.approx(180.0 - math.degrees(0.5)),
+        "max_speed": pytest.approx(math.degrees(0.6)),
+        "speed_limit": pytest.approx(math.degrees(1.0)),
+    }
+
+
+def test_an_end_of_travel_belongs_to_it() -> None:
+    assert used(driven([[-1.0, 0.0], [2.0, 0.0]], "xc", durations=(9.0, 9.0)))[1] == []
+
+
+@pytest.mark.parametrize(("x", "limit"), [(-1.25, -1000.0), (2.5, 2000.0)])
+def test_the_block_farthest_beyond_is_named(x: float, limit: float) -> None:
+    way = [[0.0, 0.0], [np.clip(x, -1.1, 2.1), 0.0], [x, 0.0], [math.nan, 0.0]]
+    breaches = used(driven(way, "xc", durations=(9.0,) * 4))[1]
+    assert breaches == [Breach(2, "axis_x_mm", pytest.approx(x * 1e3), pytest.approx(limit))]
+
+
+@pytest.mark.parametrize(("beyond", "failing"), [(0.4e-6, False), (0.6e-6, True)])
+def test_a_written_place_is_known_to_half_its_digit(beyond: float, failing: bool) -> None:
+    breaches = used(driven([[2.0 + beyond, 0.0]], "xc", durations=(9.0,)), digit=1e-6)[1]
+    assert bool(breaches) is failing
+
+
+@pytest.mark.parametrize("share", [-FEED_DIGITS / 2, FEED_DIGITS / 2, 2 * FEED_DIGITS])
+def test_a_speed_is_known_to_the_digits_of_a_feed(share: float) -> None:
+    breaches = used(driven([[0.5, 0.0], [0.0, 0.0], [0.5 * (1 + share), 0.0]], "xc"))[1]
+    quick = [Breach(2, "axis_x_speed_mm_per_s", pytest.approx(500 * (1 + share)), 500.0)]
+    assert breaches == (quick if share > FEED_DIGITS else [])
+
+
+def test_an_axis_may_have_gone_less_than_it_says() -> None:
+    trajectory = driven([[0.0, 0.0], [1e-3, 2.0]], "xc", durations=(1.0, 1e-3))
+    assert [breach.what for breach in used(trajectory)[1]] == ["axis_x_speed_mm_per_s", "axis_c_speed_deg_per_s"]
+    (x, _), breaches = used(trajectory, rounding=0.6e-3)
+    assert (x.top_speed, [breach.what for breach in breaches]) == (pytest.approx(0.4), ["axis_c_speed_deg_per_s"])
+
+
+@pytest.mark.parametrize("kind", [Kind.RAPID, Kind.DWELL, Kind.SWITCH])
+def test_only_feeds_have_a_speed(kind: Kind) -> None:
+    (x, _), breaches = used(driven([[0.0, 0.0], [2.0, 0.0]], "xc", kinds=(Kind.LINEAR, kind)))
+    assert (x.top_speed, breaches) == (0.0, [])
+
+
+def test_a_block_without_time_has_a_speed_beyond_every_limit() -> None:
+    breaches = used(driven([[0.0, 0.0], [1.0, 0.0]], "xc", durations=(1.0, 0.0)))[1]
+    assert breaches == [Breach(1, "axis_x_speed_mm_per_s", math.inf, 500.0)]
+
+
+def test_an_axis_that_is_never_stated_has_no_travel() -> None:
+    (_, c), breaches = used(driven([[0.0, math.nan]], "xc", kinds=(Kind.RAPID,), start=math.nan))
+    assert (c.least, c.greatest, breaches) == (math.inf, -math.inf, [])
+    assert (c.values()["min"], c.values()["max"]) == (None, None)
