@@ -14,7 +14,12 @@ BLOCK = 16384  # rows
 
 
 def blocks(count: int) -> Iterator[slice]:
-    """Consecutive rows, block by block; what is computed of one at a time stays in the cache."""
+    """Consecutive rows, block by block; what is computed of one at a time stays in the cache.
+
+    Examples:
+        >>> list(blocks(20_000))
+        [slice(0, 16384, None), slice(16384, 20000, None)]
+    """
     for begin in range(0, count, BLOCK):
         yield slice(begin, min(begin + BLOCK, count))
 
@@ -28,6 +33,11 @@ def neighbours(facets: Ints, vertex_count: int) -> NDArray[np.int32]:
     Args:
         facets: (m, 3) vertex indices, no vertex twice in a facet.
         vertex_count: number of vertices.
+
+    Examples:
+        >>> facets = np.array([[0, 1, 2], [0, 2, 3]])  # a square of two facets
+        >>> neighbours(facets, 4).tolist()
+        [[-1, -1, 1], [0, -1, -1]]
     """
     order, first, forward = half_edges(facets, vertex_count)
     across = np.full(len(order), -1, dtype=np.int32)
@@ -45,6 +55,12 @@ def half_edges(facets: Ints, vertex_count: int) -> tuple[NDArray[np.int32], Mask
     """Half-edges (h,) by edge, direction and facet; where the next edge begins (h + 1,); which run forward (h,).
 
     Half-edge 3 f + c runs from corner c of facet f to the next; forward is from the lower vertex to the higher.
+
+    Examples:
+        >>> facets = np.array([[0, 1, 2], [0, 2, 3]])  # a square of two facets
+        >>> order, first, forward = half_edges(facets, 4)
+        >>> order.tolist(), forward.tolist()
+        ([0, 3, 2, 5, 1, 4], [True, True, False, False, True, True])
     """
     narrow = facets.astype(np.int32)  # half the memory to move; a mesh that does not fit would not fit anywhere
     begin, end = narrow.ravel(), np.roll(narrow, -1, axis=1).ravel()
@@ -66,13 +82,24 @@ def _counting_order(keys: NDArray[np.int32], key_count: int) -> NDArray[np.int32
 
 
 def facet_spans(vertices: Floats, facets: Ints) -> Floats:
-    """Cross products (m, 3) of two edges of each facet: along its normal, twice its area long, in square metres."""
+    """Cross products (m, 3) of two edges of each facet: along its normal, twice its area long, in square metres.
+
+    Examples:
+        >>> vertices = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
+        >>> facet_spans(vertices, np.array([[0, 1, 2]])).tolist()
+        [[0.0, 0.0, 6.0]]
+    """
     a, b, c = (vertices[facets[:, corner]] for corner in range(3))
     spans: Floats = np.cross(b - a, c - a)
     return spans
 
 
 def squared_lengths(vectors: Floats) -> Floats:
-    """Squared lengths (m,) of vectors (m, 3)."""
+    """Squared lengths (m,) of vectors (m, 3).
+
+    Examples:
+        >>> squared_lengths(np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 0.0]])).tolist()
+        [25.0, 0.0]
+    """
     squares: Floats = np.einsum("ij,ij->i", vectors, vectors)
     return squares
