@@ -19,6 +19,13 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
 
     Args:
         array: any shape, any unit.
+
+    Examples:
+        >>> joints = frozen(np.zeros(3))
+        >>> joints[0] = 1.0
+        Traceback (most recent call last):
+            ...
+        ValueError: assignment destination is read-only
     """
     view = array.view()
     view.flags.writeable = False
@@ -46,7 +53,15 @@ class SampleTable(Frozen):
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """The rows of several tables, one after the other; of none, no rows."""
+        """The rows of several tables, one after the other; of none, no rows.
+
+        Examples:
+            >>> @dataclass(frozen=True, eq=False)
+            ... class Times(SampleTable):
+            ...     seconds: Floats
+            >>> Times.joined([Times(np.array([0.0, 0.5])), Times(np.array([1.0]))]).seconds.tolist()
+            [0.0, 0.5, 1.0]
+        """
         return cls(
             **{
                 field.name: np.concatenate([getattr(part, field.name) for part in parts])

@@ -22,6 +22,12 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
 
     Raises:
         TargetNotWritable: a target cannot be written; whatever stood at any of the targets is untouched.
+
+    Examples:
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_files({Path(folder, "panel.nc"): b"%", Path(folder, "panel.json"): b"{}"})
+        ...     sorted(path.name for path in Path(folder).iterdir())
+        ['panel.json', 'panel.nc']
     """
     with ExitStack() as undo:
         written: list[tuple[Path, Path]] = []

@@ -68,7 +68,12 @@ class InputRefused(TapelayerError):
 
     @classmethod
     def unreadable(cls, name: str, error: OSError) -> Self:
-        """The refusal of a file that the system does not give."""
+        """The refusal of a file that the system does not give.
+
+        Examples:
+            >>> print(InputRefused.unreadable("panel.txt", FileNotFoundError(2, "No such file or directory")))
+            panel.txt: cannot be read: no such file or directory
+        """
         return cls(name, [InputFault(0, f"cannot be read: {(error.strerror or str(error)).lower()}")])
 
     def _text(self) -> str:

@@ -52,6 +52,11 @@ class Provenance:
             named: SHA-256 of a source as the header gives it; empty where it gives none.
             program: the program as the user named it.
             source: what these sources are called, with this one's name.
+
+        Examples:
+            >>> made = Provenance("panel.txt", source_sha256="ab12", setup_sha256="cd34", version="0.1.0")
+            >>> made.remarks("ef56", "panel.nc", "course file")
+            ('panel.nc: its header names another course file than panel.txt',)
         """
         if not named or named == self.source_sha256:
             return ()

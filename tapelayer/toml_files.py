@@ -17,7 +17,7 @@ KEY_OF_DOTS = re.compile(r"""(?:(?:[\w-]++|"(?:[^"\\]|\\.)*+"|'[^']*+')[ \t]*+\.
 
 
 def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict[str, Any], str]:
-    """Table of a TOML file, and its text.
+    r"""Table of a TOML file, and its text.
 
     Args:
         data: the file's bytes, with a byte order mark or without.
@@ -26,6 +26,14 @@ def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict
 
     Raises:
         InputRefused: `refused`, where the bytes are too many, no UTF-8 or no TOML.
+
+    Examples:
+        >>> read_toml(b"[tape]\nwidth_mm = 75.0", "job.toml", InputRefused)[0]
+        {'tape': {'width_mm': 75.0}}
+        >>> read_toml(b"[tape]\nwidth_mm = 75,0", "job.toml", InputRefused)
+        Traceback (most recent call last):
+            ...
+        tapelayer.errors.InputRefused: job.toml:2:14: not TOML: ...
     """
     if len(data) > MOST_BYTES:
         raise refused(
@@ -58,6 +66,12 @@ def toml_text(tables: Mapping[str, Mapping[str, Any]]) -> str:
 
     Args:
         tables: of strings, numbers, booleans, lists of them, and tables by string.
+
+    Examples:
+        >>> print(toml_text({"machine": {"urdf": "gantry.urdf", "limits_mm": {"x": [0.0, 2500.0]}}}), end="")
+        [machine]
+        urdf = "gantry.urdf"
+        limits_mm.x = [0.0, 2500.0]
     """
     blocks = ["".join([f"[{_key(name)}]\n", *_lines(table, "")]) for name, table in tables.items()]
     return "\n".join(blocks)

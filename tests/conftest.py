@@ -9,6 +9,9 @@ from hypothesis import settings
 
 from tests.helpers.paths import SHARED
 
+# LinuxCNC's own Python runs these.
+collect_ignore = ["post/linuxcnc"]
+
 # A slow machine is no fault of the code: no example has to be done in a given time.
 settings.register_profile("project", deadline=None)
 settings.load_profile("project")

@@ -51,7 +51,7 @@ def read_courses(path: Path | str) -> tuple[Course, ...]:
 
 
 def parse_courses(data: bytes, name: str) -> tuple[Course, ...]:
-    """Courses from the bytes of a file, as `read_courses`.
+    r"""Courses from the bytes of a file, as `read_courses`.
 
     Args:
         data: the file's bytes.
@@ -59,6 +59,13 @@ def parse_courses(data: bytes, name: str) -> tuple[Course, ...]:
 
     Raises:
         CourseFileRefused: as `read_courses`.
+
+    Examples:
+        >>> (course,) = parse_courses(b"1\nstart\n45\n0 0 0 0 0 1 0\n100 0 0 0 0 1 100\nend\n", "one.txt")
+        >>> course.points.tolist(), course.arc_lengths.tolist()
+        ([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]], [0.0, 0.1])
+        >>> [round(math.degrees(angle), 6) for angle in course.cut_angles]
+        [45.0, 45.0]
     """
     text = _plain(data)
     try:
@@ -68,7 +75,19 @@ def parse_courses(data: bytes, name: str) -> tuple[Course, ...]:
 
 
 def format_courses(courses: Iterable[Course]) -> bytes:
-    """Text of a course file; every double that a course file can give is read back as the same double."""
+    """Text of a course file; every double that a course file can give is read back as the same double.
+
+    Examples:
+        >>> points, normals = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
+        >>> course = Course(1, points, normals, np.array([0.0, 0.1]), (math.pi / 4, math.pi / 2))
+        >>> print(format_courses([course]).decode(), end="")
+        1
+        start
+        45.0 90.0
+        0.0 0.0 0.0 0.0 0.0 1.0 0.0
+        100.0 0.0 0.0 0.0 0.0 1.0 100.0
+        end
+    """
     parts = []
     for course in courses:
         start, end = _as_written(np.array(course.cut_angles), np.degrees(course.cut_angles), np.radians).tolist()
@@ -136,10 +155,15 @@ def _plain(data: bytes) -> bytes:
 
 
 def quick_table(text: bytes) -> CourseTable:
-    """Table of a good file: keywords by search, all numbers by a few array operations a batch.
+    r"""Table of a good file: keywords by search, all numbers by a few array operations a batch.
 
     Raises:
         _NeedsCare: the file has a fault, or something that only the careful way can judge.
+
+    Examples:
+        >>> table = quick_table(b"1\nstart\n45\n0 0 0 0 0 1 0\n100 0 0 0 0 1 100\nend\n")
+        >>> table.numbers, table.counts.tolist(), table.rows[1].tolist()
+        ([1], [2], [100.0, 0.0, 0.0, 0.0, 0.0, 1.0, 100.0])
     """
     # A letter is looked for sooner than a text is copied, or a word found in it.
     if any(letter in text for letter in _CAPITALS):

@@ -22,12 +22,16 @@ class NeedsCare(Exception):
 
 
 def values_of_words(text: bytes, starts: Ints, stops: Ints) -> Floats:
-    """Numbers (k,) of the words of a text from `starts` to before `stops` (k,).
+    r"""Numbers (k,) of the words of a text from `starts` to before `stops` (k,).
 
     Words of up to 22 characters without exponent, nearly all, go the quick way.
 
     Raises:
         _NeedsCare: a word is no number.
+
+    Examples:
+        >>> values_of_words(b"1.5 -2e3\n", np.array([0, 4]), np.array([3, 8])).tolist()
+        [1.5, -2000.0]
     """
     characters = np.frombuffer(text, np.uint8)
     long = stops - starts > _SHORT
@@ -47,13 +51,17 @@ def values_of_words(text: bytes, starts: Ints, stops: Ints) -> Floats:
 
 
 def short_values(text: bytes, starts: Ints, stops: Ints) -> Floats:
-    """Numbers (k,) of words of up to 22 characters without exponent: integers over powers of ten.
+    r"""Numbers (k,) of words of up to 22 characters without exponent: integers over powers of ten.
 
     Where a double holds the integer exactly, one division rounds as a careful reading of the text does (Clinger 1990,
     the fast case), at a fraction of its cost.
 
     Raises:
         _NeedsCare: a word is no number.
+
+    Examples:
+        >>> short_values(b"1.5 -20\n", np.array([0, 4]), np.array([3, 7])).tolist()
+        [1.5, -20.0]
     """
     characters = np.frombuffer(text, np.uint8)
     points = np.flatnonzero(characters == ord("."))
@@ -84,6 +92,11 @@ def quotients(integers: Ints, divisors: Floats) -> tuple[Floats, Mask]:
 
     The remainder of a first quotient is found with exact products (Dekker 1971) and divided again; that is certain
     unless the quotient then lies too close to the middle between two doubles, or the integer is one of 19 digits.
+
+    Examples:
+        >>> values, certain = quotients(np.array([2**53 + 1]), np.array([10.0]))
+        >>> values.tolist(), certain.tolist()
+        ([900719925474099.2], [True])
     """
     certain = (integers < _LARGEST) & (integers > -_LARGEST)
     integers = np.where(certain, integers, _LARGEST)
@@ -105,10 +118,14 @@ def quotients(integers: Ints, divisors: Floats) -> tuple[Floats, Mask]:
 
 
 def scanned(text: bytes, kind: type[np.generic], count: int) -> NDArray[Any]:
-    """The `count` numbers of a text that ends with a line end or is empty.
+    r"""The `count` numbers of a text that ends with a line end or is empty.
 
     Raises:
         _NeedsCare: there are not as many, or something is no number.
+
+    Examples:
+        >>> scanned(b"1 -2\n3\n", np.int64, 3).tolist()
+        [1, -2, 3]
     """
     with warnings.catch_warnings():
         # Depending on its version NumPy raises at a word that is no number, or warns and stops there; then the last

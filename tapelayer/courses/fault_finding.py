@@ -23,10 +23,17 @@ _COURSE_NUMBER = re.compile(rb"(?=0*[1-9])[0-9]{1,9}")
 
 
 def careful_table(text: bytes, data: bytes, name: str) -> CourseTable:
-    """Table of any file, a line at a time.
+    r"""Table of any file, a line at a time.
 
     Raises:
         CourseFileRefused: with every fault.
+
+    Examples:
+        >>> text = b"1\nstart\n200\n0 0 0 0 0 1 0\n100 0 0 0 0 1\nend\n"
+        >>> careful_table(text, text, "one.txt")
+        Traceback (most recent call last):
+            ...
+        tapelayer.errors.CourseFileRefused: one.txt:3: course 1: expected the cut angle in degrees, or ...
     """
     if faults := _no_text(text, data):
         raise CourseFileRefused(name, faults)

@@ -41,7 +41,14 @@ class CourseTable:
 
     @property
     def without_normal(self) -> Mask:
-        """Rows (n,) whose normal has length zero."""
+        """Rows (n,) whose normal has length zero.
+
+        Examples:
+            >>> rows = np.array([[0, 0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 0, 1], [10, 0, 0, 0, 0, 1, 30]], dtype=float)
+            >>> table = CourseTable([1], [(1.0, 1.0)], np.array([3]), rows, np.ones(3, dtype=bool))
+            >>> table.without_normal.tolist()
+            [False, True, False]
+        """
         zero: Mask = (self.rows[:, 3] == 0.0) & (self.rows[:, 4] == 0.0) & (self.rows[:, 5] == 0.0)
         return zero
 
@@ -62,7 +69,15 @@ class TableSteps:
 
     @classmethod
     def of(cls, table: CourseTable) -> TableSteps:
-        """Steps of a table."""
+        """Steps of a table.
+
+        Examples:
+            >>> rows = np.array([[0, 0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 0, 1], [10, 0, 0, 0, 0, 1, 30]], dtype=float)
+            >>> table = CourseTable([1], [(1.0, 1.0)], np.array([3]), rows, np.ones(3, dtype=bool))
+            >>> steps = TableSteps.of(table)
+            >>> steps.chords.tolist(), np.round(steps.growths, 6).tolist()
+            ([0.0, 0.01], [0.001, 0.029])
+        """
         rows = from_mm(table.rows[:, [0, 1, 2, 6]])
         inside = np.ones(max(len(rows) - 1, 0), dtype=np.bool_)
         borders = np.cumsum(table.counts)[:-1] - 1
@@ -75,17 +90,32 @@ class TableSteps:
 
     @property
     def standing(self) -> Mask:
-        """Steps (n - 1,) between two rows at one place."""
+        """Steps (n - 1,) between two rows at one place.
+
+        Examples:
+            >>> TableSteps(np.array([True, True]), np.array([0.0, 0.1]), np.array([0.1, 0.1])).standing.tolist()
+            [True, False]
+        """
         return self.inside & ~(self.chords > 0.0)
 
     @property
     def falling(self) -> Mask:
-        """Steps (n - 1,) along which the arc length does not increase."""
+        """Steps (n - 1,) along which the arc length does not increase.
+
+        Examples:
+            >>> TableSteps(np.array([True, True]), np.array([0.1, 0.1]), np.array([0.1, -0.1])).falling.tolist()
+            [False, True]
+        """
         return self.inside & ~(self.growths > 0.0)
 
     @property
     def off(self) -> Mask:
-        """Steps (n - 1,) along which the arc length is not that of the chord."""
+        """Steps (n - 1,) along which the arc length is not that of the chord.
+
+        Examples:
+            >>> TableSteps(np.array([True, True]), np.array([0.1, 0.1]), np.array([0.1005, 0.102])).off.tolist()
+            [False, True]
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             # A chord beyond all doubles allows no difference, rather than every one.
             allowed = np.minimum(CHORD_SHARE * self.chords + CHORD_SLACK, np.finfo(np.float64).max)
@@ -93,12 +123,22 @@ class TableSteps:
 
 
 def from_mm(mm: Floats) -> Floats:
-    """Return metres for the millimetres of a file; any shape."""
+    """Return metres for the millimetres of a file; any shape.
+
+    Examples:
+        >>> from_mm(np.array([[75.0, 0.15]])).tolist()
+        [[0.075, 0.00015]]
+    """
     return mm / 1000.0
 
 
 def unit_normals(normals: Floats) -> Floats:
-    """Unit normals (n, 3); one that is a unit vector already, as far as rounding tells, stays as it is."""
+    """Unit normals (n, 3); one that is a unit vector already, as far as rounding tells, stays as it is.
+
+    Examples:
+        >>> unit_normals(np.array([[0.0, 0.0, 2.0], [3.0, 0.0, 4.0]])).tolist()
+        [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]]
+    """
     units = np.ascontiguousarray(normals)
     with np.errstate(over="ignore"):
         squares = dot(units, units)
@@ -111,6 +151,11 @@ def unit_normals(normals: Floats) -> Floats:
 
 
 def cut_angle(word: bytes) -> float:
-    """Radians, NaN where the word is no angle between 0 and 180 degrees."""
+    """Radians, NaN where the word is no angle between 0 and 180 degrees.
+
+    Examples:
+        >>> round(cut_angle(b"45"), 6), cut_angle(b"180")
+        (0.785398, nan)
+    """
     angle = math.radians(float(word)) if NUMBER.fullmatch(word) else math.nan
     return angle if 0.0 < angle < math.pi else math.nan

@@ -28,13 +28,27 @@ class Curve:
         self._toolpath = toolpath
 
     def at_knots(self) -> tuple[Floats, Floats, Floats]:
-        """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at the toolpath's samples."""
+        """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at the toolpath's samples.
+
+        Examples:
+            >>> points, normals = np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
+            >>> _, _, tangents = Curve(Toolpath(1, points, normals, np.array([0.0, 0.5]))).at_knots()
+            >>> np.round(tangents, 6).tolist()
+            [[0.6, 0.8, 0.0], [0.6, 0.8, 0.0]]
+        """
         # A piece of the spline has its slope at its begin as a coefficient.
         tangents = np.vstack([self._spline.c[2, :, :3], self._slope(self.knots[-1:])[:, :3]])
         return self._toolpath.points, self._toolpath.normals, unit(tangents)
 
     def at(self, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
-        """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at (n,) arc lengths in metres."""
+        """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at (n,) arc lengths in metres.
+
+        Examples:
+            >>> points, normals = np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
+            >>> places, _, tangents = Curve(Toolpath(1, points, normals, np.array([0.0, 0.5]))).at(np.array([0.25]))
+            >>> np.round(places, 6).tolist(), np.round(tangents, 6).tolist()
+            ([[0.15, 0.2, 0.0]], [[0.6, 0.8, 0.0]])
+        """
         values = self._spline(arc_lengths)
         tangents = self._slope(arc_lengths)[:, :3]
         return values[:, :3], unit(values[:, 3:]), unit(tangents)

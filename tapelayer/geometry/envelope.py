@@ -41,6 +41,15 @@ def upper_envelope(mesh: Mesh, sections: Sections, min_normal_z: float) -> Secti
 
     Raises:
         ValueError: the planes are not vertical.
+
+    Examples:
+        >>> from tapelayer.geometry.mending import Mending
+        >>> vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+        >>> mesh = Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]]), "square.stl", "", "m", Mending(2))
+        >>> sections = slice(mesh, plane_direction(0.0), np.array([0.25]))
+        >>> seen = upper_envelope(mesh, sections, min_normal_z=0.1)
+        >>> seen.points[seen.offsets[:-1]].tolist(), float(seen.lengths.sum())
+        ([[0.0, 0.25, 0.0]], 1.0)
     """
     if sections.direction[2] != 0.0:
         raise ValueError(f"expected vertical planes, got the direction {sections.direction}")
@@ -84,6 +93,13 @@ def areas_from_above(mesh: Mesh, travel: float, spacing: float, min_normal_z: fl
         travel: direction of the strips, radians from +x towards +y.
         spacing: width of the strips in metres; what is seen is exact within each strip's middle plane.
         min_normal_z: least |nz| of a facet to be sprayed, above 0.
+
+    Examples:
+        >>> from tapelayer.geometry.mending import Mending
+        >>> vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+        >>> mesh = Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]]), "square.stl", "", "m", Mending(2))
+        >>> areas_from_above(mesh, travel=0.0, spacing=0.1, min_normal_z=0.1)
+        Areas(seen=1.0, facing=0.0, hidden=0.0)
     """
     steep = np.abs(mesh.normals[:, 2]) < min_normal_z
     too_steep, rest = float(np.sum(mesh.areas[steep])), float(np.sum(mesh.areas[~steep]))

@@ -9,7 +9,14 @@ from tapelayer.vectors import dot
 
 
 def distances_to(triangles: Floats, points: Floats) -> Floats:
-    """Distance (n,) of each point (n, 3) from its triangle (n, 3, 3), in their unit."""
+    """Distance (n,) of each point (n, 3) from its triangle (n, 3, 3), in their unit.
+
+    Examples:
+        >>> triangle = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+        >>> above, beside = [0.2, 0.2, 0.5], [-3.0, 0.0, 4.0]
+        >>> distances_to(np.stack([triangle, triangle]), np.array([above, beside])).tolist()
+        [0.5, 5.0]
+    """
     begins, ways = triangles, np.roll(triangles, -1, axis=1) - triangles
     away = points[:, None] - begins
     normals = np.cross(ways[:, 0], ways[:, 1])

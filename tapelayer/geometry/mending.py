@@ -47,6 +47,12 @@ def mended(triangles: Floats) -> tuple[Floats, Ints, Mending]:
 
     Args:
         triangles: (m, 3, 3) finite corners in metres.
+
+    Examples:
+        >>> triangle = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+        >>> vertices, facets, mending = mended(np.stack([triangle, triangle]))
+        >>> facets.tolist(), mending.duplicate_facets, mending.open_edges
+        ([[0, 1, 2]], 1, 3)
     """
     vertices, facets = _merged(triangles.reshape(-1, 3))
     whole = np.all(facets != np.roll(facets, 1, axis=1), axis=1)

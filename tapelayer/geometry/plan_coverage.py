@@ -36,6 +36,13 @@ class PlanCoverage:
         Args:
             points: metres, in the mesh's frame.
             limit: metres up to which a point is as good as over the part: its distance is that to the nearest edge.
+
+        Examples:
+            >>> from tapelayer.geometry.mending import Mending
+            >>> vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+            >>> mesh = Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]]), "square.stl", "", "m", Mending(2))
+            >>> PlanCoverage(mesh).distances(np.array([[0.5, 0.5], [1.0, 3.0]]), limit=0.01).tolist()
+            [0.0, 2.0]
         """
         distances = np.concatenate([self._to_edges(part) for part in _parts(points, len(self._begins))])
         far = np.flatnonzero(distances > limit)

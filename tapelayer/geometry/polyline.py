@@ -13,6 +13,12 @@ def along(path: Floats, places: Floats, points: Floats) -> tuple[Floats, Floats]
     """Arc length (n,) of the polyline's point nearest to each point (n, 3), and the distance (n,), all in metres.
 
     The first is looked for on the whole polyline, the others near the way travelled since.
+
+    Examples:
+        >>> path, places = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), np.array([0.0, 2.0])
+        >>> arcs, distances = along(path, places, np.array([[0.5, 0.0, 0.1], [1.5, 0.0, 0.2]]))
+        >>> arcs.tolist(), distances.tolist()
+        ([0.5, 1.5], [0.1, 0.2])
     """
     near, _ = _nearest(path, places, points[:1], np.arange(len(path) - 1)[None])
     travelled = near[0] + np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
@@ -51,6 +57,12 @@ def kept(stations: Floats, points: Floats, normals: Floats, fixed: Mask, chord: 
         normals: (n, 3) unit normals.
         fixed: (n,) vertices that remain anyway.
         chord: greatest distance, metres.
+
+    Examples:
+        >>> stations, normals = np.arange(4.0), np.tile([0.0, 0.0, 1.0], (4, 1))
+        >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 1, 0]])
+        >>> kept(stations, points, normals, np.zeros(4, dtype=bool), chord=1e-3).tolist()
+        [True, False, True, True]
     """
     remain = fixed.copy()
     remain[[0, -1]] = True

@@ -60,7 +60,15 @@ class Sections(Frozen):
 
     @property
     def lengths(self) -> Floats:
-        """Length (s,) of each of `segments` in metres."""
+        """Length (s,) of each of `segments` in metres.
+
+        Examples:
+            >>> from tapelayer.geometry.mending import Mending
+            >>> vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+            >>> mesh = Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]]), "square.stl", "", "m", Mending(2))
+            >>> slice(mesh, plane_direction(0.0), np.array([0.25])).lengths.tolist()
+            [0.25, 0.75]
+        """
         rows = self.segments
         lengths: Floats = np.linalg.norm(self.points[rows + 1] - self.points[rows], axis=1)
         return lengths
@@ -71,6 +79,10 @@ def plane_direction(travel: float) -> Floats:
 
     Args:
         travel: radians from +x towards +y, seen from above.
+
+    Examples:
+        >>> plane_direction(0.0).tolist(), plane_direction(math.radians(90)).tolist()
+        ([0.0, 1.0, 0.0], [-1.0, 0.0, 0.0])
     """
     degrees = math.degrees(travel)
     return np.array([-sindg(degrees), cosdg(degrees), 0.0]) + 0.0
@@ -83,6 +95,13 @@ def plane_heights(mesh: Mesh, direction: Floats, pitch: float) -> Floats:
         mesh: the surface.
         direction: (3,) unit normal of the planes.
         pitch: distance from plane to plane in metres.
+
+    Examples:
+        >>> from tapelayer.geometry.mending import Mending
+        >>> vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+        >>> mesh = Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]]), "square.stl", "", "m", Mending(2))
+        >>> plane_heights(mesh, plane_direction(0.0), pitch=0.5).tolist()
+        [0.25, 0.75]
     """
     heights = mesh.vertices @ direction
     low, high = float(heights.min()), float(heights.max())
@@ -103,6 +122,14 @@ def slice(mesh: Mesh, direction: Floats, heights: Floats) -> Sections:
 
     Raises:
         ValueError: the direction has not length 1, or the heights are not in order.
+
+    Examples:
+        >>> from tapelayer.geometry.mending import Mending
+        >>> vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+        >>> mesh = Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]]), "square.stl", "", "m", Mending(2))
+        >>> sections = slice(mesh, plane_direction(0.0), np.array([0.25]))
+        >>> sections.points.tolist(), sections.facets.tolist()
+        ([[0.0, 0.25, 0.0], [0.25, 0.25, 0.0], [1.0, 0.25, 0.0]], [1, 0, 0])
     """
     if not abs(float(direction @ direction) - 1.0) <= 1e-12:
         raise ValueError(f"expected a direction of length 1, got {direction}")
@@ -156,6 +183,11 @@ def strip_widths(normals: Floats, direction: Floats, spacing: float) -> Floats:
         normals: (k, 3) unit normals, none along `direction`.
         direction: (3,) unit normal of the planes.
         spacing: distance of the planes in metres.
+
+    Examples:
+        >>> flat, steep = [0.0, 0.0, 1.0], [0.0, 0.6, 0.8]
+        >>> strip_widths(np.array([flat, steep]), np.array([0.0, 1.0, 0.0]), spacing=0.01).round(6).tolist()
+        [0.01, 0.0125]
     """
     widths: Floats = spacing / np.linalg.norm(np.cross(normals, direction), axis=1)
     return widths

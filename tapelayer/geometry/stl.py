@@ -47,7 +47,7 @@ def read_mesh(path: Path, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
 
 
 def parse_mesh(data: bytes, name: str, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
-    """Mesh from the bytes of a binary or ASCII STL file, mended.
+    r"""Mesh from the bytes of a binary or ASCII STL file, mended.
 
     Args:
         data: the file's bytes.
@@ -58,6 +58,13 @@ def parse_mesh(data: bytes, name: str, unit: Unit = "mm", spot: float = 0.0) -> 
     Raises:
         MeshRefused: the file is empty, cut short or no STL, has corners that are no finite numbers, or nothing is left
             of it to work on.
+
+    Examples:
+        >>> corners = "vertex 0 0 0 vertex 1000 0 0 vertex 0 1000 0"
+        >>> text = f"solid part\nfacet normal 0 0 1 outer loop {corners} endloop endfacet\nendsolid part"
+        >>> mesh = parse_mesh(text.encode(), "part.stl", "mm")
+        >>> mesh.vertices.tolist(), mesh.areas.tolist()
+        ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [0.5])
     """
     triangles, ignored = _triangles(name, data)
     wrong = np.flatnonzero(~np.all(np.isfinite(triangles), axis=(1, 2)))

@@ -29,7 +29,12 @@ class Toolpath(Frozen):
 
     @property
     def length(self) -> float:
-        """Arc length from the first sample to the last, in metres."""
+        """Arc length from the first sample to the last, in metres.
+
+        Examples:
+            >>> Toolpath(1, np.zeros((2, 3)), np.zeros((2, 3)), np.array([0.1, 0.6])).length
+            0.5
+        """
         return float(self.arc_lengths[-1] - self.arc_lengths[0])
 
 
@@ -43,6 +48,12 @@ def to_machine(
         rotation: turns of the part about the fixed axes x, y, z in that order, radians.
         origin: of the part's frame in `machine`, metres: (l1, l2, -l3) of the paper's 1.4.
         thickness: every point moves to p + thickness n, and the arc length is measured again there, metres.
+
+    Examples:
+        >>> points, normals = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
+        >>> path = Toolpath(1, points, normals, np.array([0.0, 1.0]))
+        >>> np.round(to_machine(path, (0.0, 0.0, np.pi / 2), (0.3, 0.0, -1.4), thickness=0.1).points, 6).tolist()
+        [[0.3, 0.0, -1.3], [0.3, 1.0, -1.3]]
     """
     points, arc_lengths = toolpath.points, toolpath.arc_lengths - toolpath.arc_lengths[0]
     if thickness:

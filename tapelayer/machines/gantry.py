@@ -62,7 +62,14 @@ class Roller:
     lengths: Lengths
 
     def joints(self, points: Floats, normals: Floats, tangents: Floats) -> Floats:
-        """The forward branch of `inverse`; see `Form.joints`."""
+        """The forward branch of `inverse`; see `Form.joints`.
+
+        Examples:
+            >>> found = Lengths(l4=0.35, l5=0.06, l6=0.45, radius=0.04)
+            >>> point, up, ahead = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 1.0, 0.0]])
+            >>> np.round(Roller(found).joints(point, up, ahead), 6).tolist()
+            [[0.042426, -0.042426, -0.8, 0.785398, 0.0]]
+        """
         forward: Floats = _solve(self.lengths, points, normals, tangents, branches=1)[0]
         return forward
 
@@ -80,7 +87,14 @@ class Published:
     theta4: float
 
     def joints(self, points: Floats, normals: Floats, tangents: Floats) -> Floats:
-        """See `Form.joints`; the tangents are not looked at. Source: the paper's 1.4."""
+        """See `Form.joints`; the tangents are not looked at. Source: the paper's 1.4.
+
+        Examples:
+            >>> found = Lengths(l4=0.35, l5=0.06, l6=0.45, radius=0.04)
+            >>> point, up, ahead = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 1.0, 0.0]])
+            >>> np.round(Published(found, theta4=0.0).joints(point, up, ahead), 6).tolist()
+            [[0.0, -0.06, -0.8, 0.0, 0.0]]
+        """
         _check_rows(points, normals, tangents)
         theta5 = np.arccos(np.clip(normals[:, 2], -1.0, 1.0))
         theta4 = np.full(len(points), self.theta4)
@@ -99,6 +113,12 @@ def closed_form(lengths: Lengths, kinematics: Kinematics, first: Floats, last: F
         kinematics: "roller" for the exact form, "published" for the paper's.
         first: (3,) first point of the course in `machine` axes, metres.
         last: (3,) last point of the course.
+
+    Examples:
+        >>> found = Lengths(l4=0.35, l5=0.06, l6=0.45, radius=0.04)
+        >>> chord = closed_form(found, "published", first=np.zeros(3), last=np.array([1.0, 1.0, 0.0]))
+        >>> round(float(np.degrees(chord.theta4)), 6)
+        45.0
     """
     if kinematics == "roller":
         return Roller(lengths)
@@ -122,12 +142,24 @@ def inverse(machine: Machine, points: Floats, normals: Floats, tangents: Floats)
 
     Raises:
         ModelRefused: the machine's chain is not the tape layer's.
+
+    Examples:
+        >>> point, up, ahead = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 1.0, 0.0]])
+        >>> joints = inverse(Machine.load(), point, up, ahead)
+        >>> joints.shape, np.round(np.degrees(joints[:, 0, 3]), 6).tolist()
+        ((2, 1, 5), [45.0, 225.0])
     """
     return _solve(lengths(machine), points, normals, tangents, branches=2)
 
 
 def normals(joints: Floats) -> Floats:
-    """Head normals m (n, 3) in `machine` axes for (n, 5) joint values in the order of `POSE`."""
+    """Head normals m (n, 3) in `machine` axes for (n, 5) joint values in the order of `POSE`.
+
+    Examples:
+        >>> rolled = np.array([[0.0, 0.0, 0.0, 0.0, np.pi / 6]])
+        >>> np.round(normals(rolled), 6).tolist()
+        [[-0.5, 0.0, 0.866025]]
+    """
     sin4, cos4, sin5, cos5 = _sines(joints)
     return np.column_stack([-cos4 * sin5, sin4 * sin5, cos5])
 
@@ -138,6 +170,11 @@ def wrap(joints: Floats, tangents: Floats) -> Floats:
     Args:
         joints: (n, 5) joint values in the order of `POSE`.
         tangents: (n, 3) directions of travel in `machine` axes, any length.
+
+    Examples:
+        >>> level, climbing = [0.0, 1.0, 0.0], [0.0, 1.0, 1.0]
+        >>> np.degrees(wrap(np.zeros((2, 5)), np.array([level, climbing]))).tolist()
+        [0.0, 45.0]
     """
     sin4, cos4, sin5, cos5 = _sines(joints)
     along, across, up = tangents[:, 0], tangents[:, 1], tangents[:, 2]
@@ -146,7 +183,13 @@ def wrap(joints: Floats, tangents: Floats) -> Floats:
 
 
 def roller_axes(joints: Floats) -> Floats:
-    """Roller axes r (n, 3) in `machine` axes for (n, 5) joint values in the order of `POSE`."""
+    """Roller axes r (n, 3) in `machine` axes for (n, 5) joint values in the order of `POSE`.
+
+    Examples:
+        >>> turned = np.array([[0.0, 0.0, 0.0, np.pi / 2, 0.0]])
+        >>> np.round(roller_axes(turned), 6).tolist()
+        [[0.0, -1.0, 0.0]]
+    """
     sin4, cos4, sin5, cos5 = _sines(joints)
     return np.column_stack([cos4 * cos5, -sin4 * cos5, sin5])
 
@@ -158,6 +201,11 @@ def tool_points(found: Lengths, reach: float, joints: Floats) -> Floats:
         found: lengths of the head.
         reach: l6 for the nose of the roller, l6 less its radius for its centre, metres.
         joints: (n, 5) joint values in the order of `POSE`.
+
+    Examples:
+        >>> found = Lengths(l4=0.35, l5=0.06, l6=0.45, radius=0.04)
+        >>> np.round(tool_points(found, found.l6, np.zeros((1, 5))), 6).tolist()
+        [[0.0, -0.06, -0.8]]
     """
     sin4, cos4, sin5, cos5 = _sines(joints)
     return np.column_stack(
@@ -177,6 +225,12 @@ def tool_effects(found: Lengths, reach: float, joints: Floats, changes: Floats) 
         reach: as in `tool_points`, metres.
         joints: (n, 5) joint values in the order of `POSE`.
         changes: (n, 5) of the joint values; the result is linear in them.
+
+    Examples:
+        >>> found = Lengths(l4=0.35, l5=0.06, l6=0.45, radius=0.04)
+        >>> point, _ = tool_effects(found, found.l6, np.zeros((1, 5)), np.array([[0.0, 0.0, 0.001, 0.0, 0.0]]))
+        >>> point.tolist()
+        [[0.0, 0.0, -0.001]]
     """
     sin4, cos4, sin5, cos5 = _sines(joints)
     turn4, turn5 = changes[:, 3], changes[:, 4]
@@ -191,7 +245,12 @@ def tool_effects(found: Lengths, reach: float, joints: Floats, changes: Floats) 
 
 
 def slides(direction: Floats) -> Floats:
-    """Changes (3,) of x, y, z that move the head by a vector (3,) in `machine` axes: y and z run against theirs."""
+    """Changes (3,) of x, y, z that move the head by a vector (3,) in `machine` axes: y and z run against theirs.
+
+    Examples:
+        >>> slides(np.array([0.1, 0.2, 0.3])).tolist()
+        [0.1, -0.2, -0.3]
+    """
     changes: Floats = direction * np.array([1.0, -1.0, -1.0])
     return changes
 
@@ -202,6 +261,10 @@ def lengths(machine: Machine) -> Lengths:
 
     Raises:
         ModelRefused: an axis is missing or of the wrong type, a frame is missing, or forward kinematics is not eq. (3).
+
+    Examples:
+        >>> lengths(Machine.load())
+        Lengths(l4=0.35, l5=0.06, l6=0.45, radius=0.04)
     """
     for name in POSE:
         revolute = name in "ca"

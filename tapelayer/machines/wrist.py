@@ -55,7 +55,13 @@ class Wrist:
 
     @property
     def tilts(self) -> tuple[float, float]:
-        """Travel of phi as far as it serves normals that point upwards, radians."""
+        """Travel of phi as far as it serves normals that point upwards, radians.
+
+        Examples:
+            >>> wrist = Wrist(Axis("theta", True, 0.0, 2 * np.pi, 1.0), Axis("phi", True, 0.0, 2.0, 1.0), 0.3, 0.1)
+            >>> np.degrees(wrist.tilts).tolist()
+            [0.0, 90.0]
+        """
         return max(self.phi.lower, -math.pi / 2), min(self.phi.upper, math.pi / 2)
 
 
@@ -67,6 +73,11 @@ def inverse(normals: Floats) -> Floats:
 
     Args:
         normals: (n, 3) unit normals out of the surface, in `machine`.
+
+    Examples:
+        >>> one, other = np.degrees(inverse(np.array([[0.0, 0.6, 0.8]])))
+        >>> np.round(one, 3).tolist(), np.round(other, 3).tolist()
+        ([[90.0, 36.87]], [[270.0, -36.87]])
     """
     x, y, z = normals.T
     up = z > 0
@@ -78,14 +89,24 @@ def inverse(normals: Floats) -> Floats:
 
 
 def gun_axes(theta: Floats, phi: Floats) -> Floats:
-    """Unit direction (..., 3) of the gun from P to the nozzle, in `machine`, for angles in radians of any one shape."""
+    """Unit direction (..., 3) of the gun from P to the nozzle, in `machine`, for angles in radians of any one shape.
+
+    Examples:
+        >>> np.round(gun_axes(np.radians([90.0]), np.radians([30.0])), 6).tolist()
+        [[0.0, 0.5, 0.866025]]
+    """
     sine = np.sin(phi)
     axes: Floats = np.stack([sine * np.cos(theta), sine * np.sin(theta), np.cos(phi)], axis=-1)
     return axes
 
 
 def angles_between(first: Floats, second: Floats) -> Floats:
-    """Angles (...) in radians between unit vectors (..., 3), exact for small ones as well."""
+    """Angles (...) in radians between unit vectors (..., 3), exact for small ones as well.
+
+    Examples:
+        >>> np.round(np.degrees(angles_between(np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]]))), 6).tolist()
+        [90.0]
+    """
     apart = np.linalg.norm(first - second, axis=-1)
     angles: Floats = 2.0 * np.arcsin(np.minimum(0.5 * apart, 1.0))
     return angles
@@ -98,6 +119,12 @@ def reachable(wrist: Wrist, normals: Floats, leans: Floats) -> Mask:
         wrist: travel and limits.
         normals: (n, 3) unit normals out of the surface, in `machine`; one that does not point upwards is not reached.
         leans: (n,) greatest lean off each normal, radians; inf where there is no limit.
+
+    Examples:
+        >>> wrist = Wrist(Axis("theta", True, 0.0, 2 * np.pi, 1.0), Axis("phi", True, 0.0, 2.0, 1.0), 0.3, 0.1)
+        >>> up, down = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]
+        >>> reachable(wrist, np.array([up, down]), np.full(2, 0.1)).tolist()
+        [True, False]
     """
     azimuth, ahead, behind = turns(wrist, normals, leans)
     reached = np.zeros(len(normals), dtype=np.bool_)
@@ -113,6 +140,12 @@ def turns(wrist: Wrist, normals: Floats, leans: Floats) -> tuple[Floats, Floats,
     """Theta (n,) of each normal, and how far (n,) theta may be off it with phi > 0, and off its opposite with phi < 0.
 
     A normal that no phi comes near enough to has -1 there.
+
+    Examples:
+        >>> wrist = Wrist(Axis("theta", True, 0.0, 2 * np.pi, 1.0), Axis("phi", True, 0.0, 2.0, 1.0), 0.3, 0.1)
+        >>> theta, ahead, behind = turns(wrist, np.array([[0.0, 0.6, 0.8]]), np.array([0.1]))
+        >>> np.round(np.degrees([theta, ahead]), 2).tolist(), behind.tolist()
+        ([[90.0], [9.58]], [-1.0])
     """
     x, y, z = normals.T
     slant = np.arctan2(np.hypot(x, y), z)
@@ -133,6 +166,11 @@ def widest_turn(slant: Floats, leans: Floats, lower: float, upper: float) -> Flo
         leans: (n,) greatest lean, radians.
         lower: least tilt, radians.
         upper: greatest tilt, radians.
+
+    Examples:
+        >>> slants, leans = np.radians([5.0, 45.0]), np.radians([10.0, 10.0])
+        >>> np.round(np.degrees(widest_turn(slants, leans, 0.0, np.pi / 2)), 2).tolist()
+        [180.0, 14.22]
     """
     lean = np.minimum(leans + ROUNDING, np.pi / 2)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

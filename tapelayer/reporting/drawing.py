@@ -18,7 +18,13 @@ from tapelayer.reporting.words import plain
 
 
 def element(tag: str, *content: Element | str, **attributes: object) -> Element:
-    """An element; an attribute's underscores are hyphens, and one at its end keeps it off Python's words."""
+    """An element; an attribute's underscores are hyphens, and one at its end keeps it off Python's words.
+
+    Examples:
+        >>> from xml.etree.ElementTree import tostring
+        >>> tostring(element("p", "at most ", element("b", "5 < 6"), " mm", class_="note")).decode()
+        '<p class="note">at most <b>5 &lt; 6</b> mm</p>'
+    """
     node = Element(tag, {name.rstrip("_").replace("_", "-"): str(value) for name, value in attributes.items()})
     for part in content:
         if isinstance(part, Element):
@@ -31,7 +37,13 @@ def element(tag: str, *content: Element | str, **attributes: object) -> Element:
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[Element | str]], **attributes: object) -> Element:
-    """A table of headings and rows."""
+    """A table of headings and rows.
+
+    Examples:
+        >>> from xml.etree.ElementTree import tostring
+        >>> tostring(table(["axis", "mm"], [["x", "2500"]])[1]).decode()
+        '<tbody><tr><td>x</td><td>2500</td></tr></tbody>'
+    """
     return element(
         "table",
         element("thead", element("tr", *(element("th", heading, scope="col") for heading in headings))),
@@ -41,13 +53,25 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[Element | str]], **at
 
 
 def svg(width: float, height: float, *content: Element, label: str = "") -> Element:
-    """A drawing of a size in pixels; without a label it is decoration."""
+    """A drawing of a size in pixels; without a label it is decoration.
+
+    Examples:
+        >>> from xml.etree.ElementTree import tostring
+        >>> tostring(svg(600, 100.25, label="pitch over time")).decode()
+        '<svg viewBox="0 0 600 100.2" width="600" role="img" aria-label="pitch over time" />'
+    """
     attributes = {"role": "img", "aria_label": label} if label else {"aria_hidden": "true"}
     return element("svg", *content, viewBox=f"0 0 {px(width)} {px(height)}", width=px(width), **attributes)
 
 
 def heading_of(*parts: tuple[str, str]) -> Element:
-    """A plot's heading: words, each in the colour of its line."""
+    """A plot's heading: words, each in the colour of its line.
+
+    Examples:
+        >>> from xml.etree.ElementTree import tostring
+        >>> tostring(heading_of(("pitch, deg", "first"))).decode()
+        '<text class="heading"><tspan class="first">pitch, deg</tspan></text>'
+    """
     return element("text", *(element("tspan", words, class_=style) for words, style in parts), class_="heading")
 
 
@@ -87,11 +111,23 @@ class Panel:
     y: tuple[float, float]
 
     def across(self, x: Floats | float) -> Any:
-        """Pixels from the figure's left edge."""
+        """Pixels from the figure's left edge.
+
+        Examples:
+            >>> panel = Panel(left=50, top=20, width=400, height=100, x=(0.0, 8.0), y=(-1.0, 1.0))
+            >>> panel.across(2.0)
+            150.0
+        """
         return self.left + (x - self.x[0]) * (self.width / (self.x[1] - self.x[0]))
 
     def down(self, y: Floats | float) -> Any:
-        """Pixels from the figure's top edge."""
+        """Pixels from the figure's top edge.
+
+        Examples:
+            >>> panel = Panel(left=50, top=20, width=400, height=100, x=(0.0, 8.0), y=(-1.0, 1.0))
+            >>> panel.down(np.array([1.0, 0.0, -1.0])).tolist()
+            [20.0, 70.0, 120.0]
+        """
         return self.top + (self.y[1] - y) * (self.height / (self.y[1] - self.y[0]))
 
     def drawn(
@@ -130,7 +166,12 @@ class Panel:
 
 
 def range_of(curves: Sequence[PlotCurve], limits: Sequence[float]) -> tuple[float, float]:
-    """Lowest and highest y of the curves and the limits, with room to see a limit that is not touched."""
+    """Lowest and highest y of the curves and the limits, with room to see a limit that is not touched.
+
+    Examples:
+        >>> range_of([PlotCurve("first", np.arange(3.0), np.array([0.0, np.nan, 10.0]))], limits=[50.0])
+        (-4.0, 54.0)
+    """
     values = [*limits]
     for curve in curves:
         finite = curve.y[np.isfinite(curve.y)]
@@ -141,7 +182,12 @@ def range_of(curves: Sequence[PlotCurve], limits: Sequence[float]) -> tuple[floa
 
 
 def extent(values: Floats) -> tuple[float, float]:
-    """Lowest and highest of finite values (n,), never equal."""
+    """Lowest and highest of finite values (n,), never equal.
+
+    Examples:
+        >>> extent(np.array([3.0, 1.0, 2.0])), extent(np.array([3.0]))
+        ((1.0, 3.0), (3.0, 4.0))
+    """
     if not len(values):
         return 0.0, 1.0
     low, high = float(np.min(values)), float(np.max(values))
@@ -149,7 +195,12 @@ def extent(values: Floats) -> tuple[float, float]:
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
-    """Round values of step 1, 2 or 5 times a power of ten, at most about `count` of them."""
+    """Round values of step 1, 2 or 5 times a power of ten, at most about `count` of them.
+
+    Examples:
+        >>> ticks(0.0, 7.0, 4), ticks(-1.0, 1.0, 4)
+        ([0.0, 2.0, 4.0, 6.0], [-1.0, -0.5, 0.0, 0.5, 1.0])
+    """
     rough = (high - low) / count
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= rough * (1 - 1e-9))
@@ -166,6 +217,10 @@ def extremes(x: Floats, y: Floats, columns: int) -> Ints:
         x: (n,) finite; rows that follow each other in one column are one group.
         y: (n,) any unit.
         columns: pixel columns over the range of x.
+
+    Examples:
+        >>> extremes(np.arange(100.0), np.sin(np.arange(100.0) / 20), columns=2).tolist()
+        [0, 31, 49, 50, 94, 99]
     """
     if not len(x):
         return np.zeros(0, np.int64)
@@ -187,7 +242,14 @@ def extremes(x: Floats, y: Floats, columns: int) -> Ints:
 
 
 def polyline(across: Floats, down: Floats) -> str:
-    """Path in tenths of a pixel through points (n,), (n,); a point that is not finite is a gap."""
+    """Path in tenths of a pixel through points (n,), (n,); a point that is not finite is a gap.
+
+    Examples:
+        >>> polyline(np.array([0.0, 10.0, 20.0]), np.array([5.0, 0.0, 5.0]))
+        'M0 50l100-50 100 50'
+        >>> polyline(np.array([0.0, 10.0, np.nan, 20.0]), np.array([5.0, 5.0, 5.0, 5.0]))
+        'M0 50l100 0M200 50l0 0'
+    """
     seen = np.isfinite(across) & np.isfinite(down)
     points = np.column_stack([across, down])[seen]
     tenths = np.rint(10 * points).astype(np.int64)
@@ -203,5 +265,10 @@ def polyline(across: Floats, down: Floats) -> str:
 
 
 def px(value: float) -> str:
-    """A pixel coordinate to a tenth."""
+    """A pixel coordinate to a tenth.
+
+    Examples:
+        >>> px(12.0), px(12.345)
+        ('12', '12.3')
+    """
     return f"{value:.1f}".removesuffix(".0")

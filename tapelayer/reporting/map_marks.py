@@ -25,7 +25,12 @@ def plan_panel(low: Floats, high: Floats) -> tuple[Panel, float]:
 
 
 def round_up(value: float) -> float:
-    """The next of 1, 2 or 5 times a power of ten; for no error at all a micrometre in millimetres."""
+    """The next of 1, 2 or 5 times a power of ten; for no error at all a micrometre in millimetres.
+
+    Examples:
+        >>> round_up(0.03), round_up(6.0), round_up(0.0)
+        (0.05, 10.0, 0.001)
+    """
     if not value > 1e-3:
         return 1e-3
     power = 10.0 ** math.floor(math.log10(value))
@@ -33,7 +38,12 @@ def round_up(value: float) -> float:
 
 
 def heading(begin: Floats, end: Floats) -> Floats:
-    """Unit vector (2,) from one point (2,) to another; up the page where they are one."""
+    """Unit vector (2,) from one point (2,) to another; up the page where they are one.
+
+    Examples:
+        >>> heading(np.array([0.0, 0.0]), np.array([3.0, 4.0])).tolist()
+        [0.6, 0.8]
+    """
     length = float(np.hypot(*(end - begin)))
     direction: Floats = (end - begin) / length if length > 0.0 else np.array([0.0, -1.0])
     return direction
@@ -51,7 +61,13 @@ class MarkPlaces:
         self._taken = np.zeros((0, 3))
 
     def take(self, centre: Floats, half_width: float) -> bool:
-        """Take the place round a centre (2,) in pixels, unless it is taken."""
+        """Take the place round a centre (2,) in pixels, unless it is taken.
+
+        Examples:
+            >>> places = MarkPlaces(height=10.0)
+            >>> places.take(np.array([0.0, 0.0]), half_width=20.0), places.take(np.array([30.0, 0.0]), half_width=20.0)
+            (True, False)
+        """
         away = np.abs(self._taken[:, :2] - centre)
         if np.any((away[:, 0] < self._taken[:, 2] + half_width) & (away[:, 1] < self._height)):
             return False

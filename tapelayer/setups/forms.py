@@ -15,19 +15,29 @@ NAME = "setup.toml"
 
 
 def values_of(data: bytes, model: type[JobSetup]) -> Values:
-    """Values that the bytes of a setup's TOML set.
+    r"""Values that the bytes of a setup's TOML set.
 
     Raises:
         SetupRefused: as `parse_setup`.
+
+    Examples:
+        >>> from tapelayer.laying.settings import Setup
+        >>> values_of(b"[tape]\nwidth_mm = 50", Setup)
+        {'tape': {'width_mm': 50.0}}
     """
     return _values(parse_setup(data, NAME, model))
 
 
 def text_of_values(values: Values, model: type[JobSetup]) -> str:
-    """TOML text of values; a value that is None is left out.
+    r"""TOML text of values; a value that is None is left out.
 
     Raises:
         SetupRefused: unknown keys, or values out of range; all faults at once.
+
+    Examples:
+        >>> from tapelayer.laying.settings import Setup
+        >>> text_of_values({"tape": {"width_mm": 50}, "machine": {"urdf": None}}, Setup)
+        '[machine]\n\n[tape]\nwidth_mm = 50.0\n'
     """
     text = text_of(parse_table(model, values, NAME))
     # What no file may hold, such as half a character or a name of a thousand letters, shows itself in reading.
@@ -53,7 +63,13 @@ def schema_of(model: type[JobSetup]) -> dict[str, Any]:
 
 
 def text_of(setup: JobSetup) -> str:
-    """TOML text of the values that a setup was given; those that it has by default are left out."""
+    r"""TOML text of the values that a setup was given; those that it has by default are left out.
+
+    Examples:
+        >>> from tapelayer.laying.settings import Setup
+        >>> text_of(Setup().with_values("tape", width_mm=50)), text_of(Setup())
+        ('[tape]\nwidth_mm = 50.0\n', '')
+    """
     return toml_text(_values(setup))
 
 

@@ -64,12 +64,22 @@ class MachineSettings(Section, title="Machine"):
     ] = {}
 
     def travel(self) -> dict[str, tuple[float, float]]:
-        """Overridden travel by axis, in metres and radians."""
+        """Overridden travel by axis, in metres and radians.
+
+        Examples:
+            >>> MachineSettings(limits_mm={"x": [0, 2500]}).travel()
+            {'x': (0.0, 2.5)}
+        """
         linear = {axis: (low * MM, high * MM) for axis, (low, high) in self.limits_mm.items()}
         return linear | {axis: (low * DEG, high * DEG) for axis, (low, high) in self.limits_deg.items()}
 
     def speeds(self) -> dict[str, float]:
-        """Overridden speed limits by axis, in metres and radians per second."""
+        """Overridden speed limits by axis, in metres and radians per second.
+
+        Examples:
+            >>> MachineSettings(speeds_mm_per_s={"x": 500}).speeds()
+            {'x': 0.5}
+        """
         linear = {axis: speed * MM for axis, speed in self.speeds_mm_per_s.items()}
         return linear | {axis: speed * DEG for axis, speed in self.speeds_deg_per_s.items()}
 
@@ -103,6 +113,15 @@ class JobSetup(Section):
 
         Raises:
             SetupRefused: a value does not fit.
+
+        Examples:
+            >>> from tapelayer.laying.settings import Setup
+            >>> Setup().with_values("tape", width_mm=50.0).tape.width_mm
+            50.0
+            >>> Setup().with_values("tape", width_mm=-1.0)
+            Traceback (most recent call last):
+                ...
+            tapelayer.errors.SetupRefused: setup: [tape] width_mm: input should be greater than 0, got -1.0
         """
         table = self.model_dump(exclude_unset=True)
         table[section] = table.get(section, {}) | values
@@ -113,6 +132,11 @@ class JobSetup(Section):
 
         Args:
             files: bytes of the files that values name, by section and key: they enter by content, not by path.
+
+        Examples:
+            >>> from tapelayer.laying.settings import Setup
+            >>> Setup().digest({}) == Setup().with_values("tape", width_mm=75.0).digest({})
+            True
         """
         values = self.model_dump()
         for (section, key), data in files.items():
@@ -138,10 +162,19 @@ def read_setup(path: Path | str, model: type[SetupModel]) -> SetupModel:
 
 
 def parse_setup(data: bytes, name: str, model: type[SetupModel]) -> SetupModel:
-    """Setup from the bytes of a TOML file; relative paths are taken from the file's folder.
+    r"""Setup from the bytes of a TOML file; relative paths are taken from the file's folder.
 
     Raises:
         SetupRefused: as `read_setup`.
+
+    Examples:
+        >>> from tapelayer.laying.settings import Setup
+        >>> parse_setup(b"[tape]\nwidth_mm = 50", "job.toml", Setup).tape.width_mm
+        50.0
+        >>> parse_setup(b"[tape]\nwidht_mm = 50", "job.toml", Setup)
+        Traceback (most recent call last):
+            ...
+        tapelayer.errors.SetupRefused: job.toml:2: unknown key widht_mm in [tape]; did you mean ...
     """
     table, text = read_toml(data, name, SetupRefused)
     for section, key in model.FILES:
@@ -156,6 +189,11 @@ def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text:
 
     Raises:
         SetupRefused: unknown keys (with the nearest known one) or values out of range; all faults at once.
+
+    Examples:
+        >>> from tapelayer.laying.settings import Setup
+        >>> parse_table(Setup, {"tape": {"width_mm": 50}}, "job.toml").tape.width_mm
+        50.0
     """
     try:
         return model.model_validate(table)
@@ -172,7 +210,13 @@ def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text:
 
 
 def default_text(model: type[Section], title: str) -> str:
-    """The default setup as a commented TOML file: every key with unit, default and description."""
+    """The default setup as a commented TOML file: every key with unit, default and description.
+
+    Examples:
+        >>> from tapelayer.laying.settings import Setup
+        >>> print(default_text(Setup, "Setup of a tape-laying job").splitlines()[0])
+        # Setup of a tape-laying job
+    """
     lines = [
         f"# {title}",
         "# Units are in the names. A key left out has the value shown here; a key behind # has none.",

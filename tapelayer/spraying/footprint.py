@@ -51,7 +51,12 @@ class Gaussian(Footprint):
         return _GAUSSIAN_REACH * self.sigma
 
     def flux(self, radii: Floats) -> Floats:
-        """As `Footprint.flux`."""
+        """As `Footprint.flux`.
+
+        Examples:
+            >>> np.round(Gaussian(sigma=0.1).flux(np.array([0.0, 0.1, 0.6])), 3).tolist()
+            [15.915, 9.653, 0.0]
+        """
         inside = np.exp(-0.5 * (radii / self.sigma) ** 2) / (2 * np.pi * self.sigma**2)
         return np.where(np.abs(radii) <= self.reach, inside, 0.0)
 
@@ -77,7 +82,12 @@ class ParabolicFlux(Footprint):
         return self.radius
 
     def flux(self, radii: Floats) -> Floats:
-        """As `Footprint.flux`."""
+        """As `Footprint.flux`.
+
+        Examples:
+            >>> np.round(ParabolicFlux(radius=0.1).flux(np.array([0.0, 0.05, 0.2])), 3).tolist()
+            [63.662, 47.746, 0.0]
+        """
         return 2.0 / (np.pi * self.radius**2) * np.maximum(1.0 - (radii / self.radius) ** 2, 0.0)
 
     def across(self, offsets: Floats) -> Floats:
@@ -105,7 +115,12 @@ class ParabolicPass(Footprint):
         return 1.5 / (np.pi * self.radius**2) * np.sqrt(np.maximum(1.0 - (radii / self.radius) ** 2, 0.0))
 
     def across(self, offsets: Floats) -> Floats:
-        """As `Footprint.across`."""
+        """As `Footprint.across`.
+
+        Examples:
+            >>> ParabolicPass(radius=0.1).across(np.array([0.0, 0.05, 0.2])).tolist()
+            [7.5, 5.625, 0.0]
+        """
         return 0.75 / self.radius * np.maximum(1.0 - (offsets / self.radius) ** 2, 0.0)
 
 
@@ -136,7 +151,12 @@ class Profile(Frozen, Footprint):
         return float(self.radii[-1])
 
     def flux(self, radii: Floats) -> Floats:
-        """As `Footprint.flux`."""
+        """As `Footprint.flux`.
+
+        Examples:
+            >>> Profile(np.array([0.0, 0.1]), np.array([2.0, 0.0])).flux(np.array([0.0, 0.05, 0.2])).round(3).tolist()
+            [95.493, 47.746, 0.0]
+        """
         return np.interp(np.abs(radii), self.radii, self.fluxes, right=0.0)
 
     def across(self, offsets: Floats) -> Floats:
