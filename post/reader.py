@@ -7,7 +7,7 @@ and every state of the control is carried forward over all lines at once.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from post.controllers import Controller
 from post.motions import axis_path, circles_of, feeds_of, from_mm, lengths_of, where_moved
 from post.scan import words_of
 from post.source import Comment, Source
+from tapelayer.motion.time_law import Limits, by_feed_word, rapids
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 
 _HEADER = re.compile(r"(tapelayer|source sha256:|setup sha256:|source:|controller:) *(.*)")
@@ -49,9 +50,7 @@ class Program:
     controller: str
 
 
-def read(
-    text: bytes, controller: Controller, machine_axes: Sequence[str], speeds: Mapping[str, float], name: str
-) -> Program:
+def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limits: Limits, name: str) -> Program:
     """Read a program.
 
     A control begins in absolute positions and feed per minute. A straight block takes the time that the control's feed
@@ -64,7 +63,7 @@ def read(
         text: bytes of the program.
         controller: the control's table.
         machine_axes: joints of the machine, the columns of the trajectory.
-        speeds: speed of a rapid for every joint, in m/s or rad/s.
+        limits: of these joints, by which rapids go.
         name: name of the file, for messages.
 
     Raises:
@@ -87,6 +86,9 @@ def read(
     positions = np.empty((len(blocks.rows), len(machine_axes)))
     stated = np.zeros(len(blocks.rows), dtype=np.uint16)
     durations = np.where(blocks.kinds == Kind.DWELL, blocks.pauses, 0.0)
+    rapid = (blocks.kinds == Kind.RAPID) & ~blocks.outputs
+    rapid_row = np.cumsum(rapid) - 1
+    rapid_steps = np.zeros((np.count_nonzero(rapid), len(machine_axes)))
     for axis, index in axes:
         path = paths[axis.address]
         scale = np.deg2rad if axis.unit == "deg" else from_mm
@@ -94,13 +96,12 @@ def read(
         positions[:first, index] = np.nan
         positions[first:, index] = np.repeat(scale(path.positions), np.diff(path.blocks, append=len(positions)))
         stated[path.blocks] |= np.uint16(1 << index)
-        # A step from where nothing was stated is NaN, which fmax passes over.
-        rapid = np.flatnonzero((blocks.kinds[path.blocks] == Kind.RAPID) & ~blocks.outputs[path.blocks])
-        times = np.abs(scale(path.steps[rapid])) / speeds[machine_axes[index]]
-        durations[path.blocks[rapid]] = np.fmax(durations[path.blocks[rapid]], times)
+        here = np.flatnonzero(rapid[path.blocks])
+        rapid_steps[rapid_row[path.blocks[here]], index] = scale(path.steps[here])
+    durations[rapid] = rapids(rapid_steps, limits)
     straight = np.flatnonzero(blocks.feeding & moved)
     lengths = lengths_of(plain, moved, circles, controller)
-    durations[straight] = 60.0 * np.where(blocks.inverse, 1.0, lengths)[straight] / feeds[straight]
+    durations[straight] = by_feed_word(lengths[straight], feeds[straight], blocks.inverse[straight])
     # What the control does not interpolate moves in the dwell that follows its word at once, and is one block with it.
     outputs = [path for address, path in paths.items() if address not in plain]
     turned = where_moved(len(blocks.rows), outputs)

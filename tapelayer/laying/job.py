@@ -23,6 +23,7 @@ from tapelayer.laying.inspection import Inspector
 from tapelayer.laying.program import plan
 from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
+from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
 from tapelayer.provenance import VERSION, Provenance
@@ -147,8 +148,7 @@ class Job:
         Raises:
             ProgramRefused: the text cannot be read.
         """
-        speeds = {axis.name: axis.speed for axis in self.machine.axes}
-        return reader.read(text, self.controller, self.machine.names, speeds, name)
+        return reader.read(text, self.controller, self.machine.names, Limits.of(self.machine.axes), name)
 
     def judge(self, trajectory: Trajectory, tick: Tick = silent) -> Verified[Evidence]:
         """Verified trajectory that was read back from NC text; `tick` is called for every course.

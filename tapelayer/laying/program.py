@@ -21,6 +21,7 @@ from tapelayer.laying.tape_plan import Step, TapePlan, plan_tape
 from tapelayer.machines import gantry
 from tapelayer.machines.machine import Axis, Machine
 from tapelayer.motion.stroke import Stroke, StrokeBlocks
+from tapelayer.motion.time_law import Limits, at_speed, rapids
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.units import DEG, MM
@@ -135,7 +136,7 @@ class _Program:
         clearance = setup.process.link_clearance_mm
         clearance = setup.process.approach_mm if clearance is None else clearance
         self.link_height = max(least_link - clearance * MM, machine.axis("z").lower)
-        self.speeds = np.array([axis.speed for axis in machine.axes])
+        self.limits = Limits.of(machine.axes)
         self.columns = {axis.name: i for i, axis in enumerate(machine.axes)}
         self.pose = [self.columns[name] for name in gantry.POSE]
         self.knives = [self.columns[name] for name in KNIVES]
@@ -175,7 +176,7 @@ class _Program:
 
         touch = stroke.at.copy()
         touch[self.pose] = joints[0, self.pose]
-        stroke.step(touch, self.lift / self.lay_speed)
+        stroke.step(touch, at_speed(self.lift, self.lay_speed))
         stroke.switch(Event.SHOE_DOWN, self.shoe_delay)
         stroke.switch(Event.HEATER_ON, self.heater_delay)
         first = len(stroke) - 1
@@ -185,11 +186,11 @@ class _Program:
         stroke.switch(Event.SHOE_UP, self.shoe_delay)
         leave = stroke.at.copy()
         for distance in sorted({max(min(lag, length + run_out) - length, 0.0), run_out}):
-            stroke.step(self._moved(leave, way.out, distance), distance / self.lay_speed, length)
+            stroke.step(self._moved(leave, way.out, distance), at_speed(distance, self.lay_speed), length)
         if lag > length and run_out:
             stroke.switch(Event.ROLLER_DOWN, self.roller_delay, len(stroke) - 2)
         stroke.switch(Event.ROLLER_UP, self.roller_delay)
-        stroke.step(self._lifted(stroke.at), self.lift / self.lay_speed, length)
+        stroke.step(self._lifted(stroke.at), at_speed(self.lift, self.lay_speed), length)
         if course == len(tape) - 1:
             self._feed(stroke, np.array([tape.laying[-1, 1], len(tape.steps)]), float(stroke.at[self.columns["u"]]))
         self._add(stroke, course, first, last)
@@ -230,12 +231,10 @@ class _Program:
             for way in ways:
                 stroke.step(way, 0.0)
             return stroke
-        steps = np.abs(ways - np.vstack([at, up, over])) / self.speeds
         rows = StrokeBlocks(
             joints=ways,
             kinds=np.full(3, Kind.RAPID, np.uint8),
-            # From where nothing is stated the time is not known: it counts as none.
-            durations=np.max(np.nan_to_num(steps), axis=1),
+            durations=rapids(ways - np.vstack([at, up, over]), self.limits),
             events=np.zeros(3, np.uint8),
             arcs=np.zeros(3),
         )
@@ -258,11 +257,11 @@ class _Program:
             joints = stroke.at.copy()
             joints[self.knives] = steps.poses[row]
             joints[u] = max(joints[u], steps.u[row])
-            stroke.step(joints, abs(joints[u] - stroke.at[u]) / self.thread_speed)
+            stroke.step(joints, at_speed(abs(float(joints[u] - stroke.at[u])), self.thread_speed))
         joints = stroke.at.copy()
         joints[self.knives] = steps.at(np.array([target]), rows[1:])[0]
         joints[u] = target
-        stroke.step(joints, abs(joints[u] - stroke.at[u]) / self.thread_speed)
+        stroke.step(joints, at_speed(abs(float(joints[u] - stroke.at[u])), self.thread_speed))
 
     def _lay(self, stroke: Stroke, course: int, joints: Floats, arcs: Floats, roller_down: float) -> None:
         """Lay a course: its block ends, the tape's steps at their exact u, and the auxiliary roller set down.
@@ -300,7 +299,7 @@ class _Program:
         )
         start = len(stroke) - 1
         stroke.joints[-1][-1, self.knives] = way[0, self.knives]
-        stroke.go(way[1:], np.diff(travelled) / self.lay_speed, travelled[1:])
+        stroke.go(way[1:], at_speed(np.diff(travelled), self.lay_speed), travelled[1:])
         for row, place in zip(rows, places, strict=True):
             word = KNIFE_WORDS.get((int(steps.knives[row]), Step(steps.kinds[row])))
             if word:
@@ -311,7 +310,7 @@ class _Program:
 
     def _add(self, stroke: Stroke, course: int, first: int, last: int) -> None:
         """Add a stroke's blocks; where its laying from node `first` to `last` stops for long, the heater goes off."""
-        times = stroke.times(self.speeds)
+        times = stroke.times(self.limits)
         fed = np.vstack(stroke.joints)[:, self.columns["u"]]
         resting = np.diff(fed[first : last + 1]) == 0.0
         edges = np.flatnonzero(np.diff(np.concatenate([[0], resting.astype(np.int8), [0]])))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tapelayer.arrays import Floats, Ints
+from tapelayer.motion.time_law import Limits, feeds
 from tapelayer.motion.trajectory import Event, Kind
 
 # Two times no farther apart, in seconds, are one block boundary: shorter blocks have no exact speed.
@@ -86,10 +87,9 @@ class Stroke:
         """Let an event take effect at a node, the last one where none is given; its word stands `delay` earlier."""
         self.words.append((len(self) - 1 if node is None else node, delay, event))
 
-    def times(self, speeds: Floats) -> Floats:
-        """Seconds (m,) at the nodes, no axis faster than its speed (k,) and no way shorter than its least time."""
-        steps = np.abs(np.diff(self.path, axis=0))
-        ways: Floats = np.maximum(np.max(steps / speeds, axis=1, initial=0.0), np.concatenate(self.least)[1:])
+    def times(self, limits: Limits) -> Floats:
+        """Seconds (m,) at the nodes, no axis beyond its limits and no way shorter than its least time."""
+        ways = feeds(np.diff(self.path, axis=0), limits, np.concatenate(self.least)[1:])
         return np.append(0.0, np.cumsum(ways))
 
     def rows(self, times: Floats) -> StrokeBlocks:

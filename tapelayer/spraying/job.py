@@ -19,6 +19,7 @@ from tapelayer.geometry.mesh import Mesh, Unit
 from tapelayer.geometry.stl import parse_mesh
 from tapelayer.machines.machine import Machine
 from tapelayer.machines.wrist import AXES
+from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
 from tapelayer.provenance import VERSION, Provenance
@@ -217,8 +218,8 @@ class SprayJob:
         Raises:
             ProgramRefused: the text cannot be read.
         """
-        speeds = {name: self.machine.axis(name).speed for name in AXES}
-        return reader.read(text, self.controller, AXES, speeds, name)
+        limits = Limits.of(self.machine.axis(name) for name in AXES)
+        return reader.read(text, self.controller, AXES, limits, name)
 
     @property
     def resolution(self) -> Floats:

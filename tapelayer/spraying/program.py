@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tapelayer.arrays import Floats, Ints, frozen
 from tapelayer.machines.machine import Machine
 from tapelayer.machines.wrist import AXES, gun_axes
+from tapelayer.motion.time_law import Limits, at_speed, axis_times, feeds, rapids
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.spraying.passes import Pass, Split
@@ -119,7 +120,7 @@ class _Program:
     def __init__(self, setup: SpraySetup, machine: Machine, highest: float) -> None:
         self.setup = setup
         axes = [machine.axis(name) for name in AXES]
-        self.speeds = np.array([axis.speed for axis in axes])
+        self.limits = Limits.of(axes)
         self.lower, self.upper = (np.array([getattr(axis, end) for axis in axes[:3]]) for end in ("lower", "upper"))
         self.height = min(highest + setup.spray.retract_mm * MM, float(self.upper[2]))
         self.at = np.full(len(AXES), np.nan)
@@ -180,8 +181,9 @@ class _Program:
         if before is None or before.layer != found.layer:
             return False
         way = float(np.linalg.norm(start[:3] - self.at[:3]))
-        turning = float(np.max(np.abs(start - self.at) / self.speeds))
-        if not (0.0 < way <= self.setup.spray.max_gap_mm * MM and turning * SLOWEST <= way / self.setup.speed):
+        turning = float(rapids((start - self.at)[None], self.limits)[0])
+        near = 0.0 < way <= self.setup.spray.max_gap_mm * MM
+        if not (near and turning * SLOWEST <= at_speed(way, self.setup.speed)):
             return False
         self._state_all()
         steps = max(math.ceil(way / (self.setup.spray.max_point_spacing_mm * MM) - 1e-9), 1)
@@ -225,16 +227,16 @@ class _Program:
 
     def _sprayed(self, found: Pass, piece: Piece) -> Slowdown | None:
         """Go along a piece; its slowest place, where an axis holds the gun back."""
-        ways = np.abs(np.diff(piece.joints, axis=0)) / self.speeds
-        lengths = np.diff(piece.arc_lengths)
+        steps, lengths = np.diff(piece.joints, axis=0), np.diff(piece.arc_lengths)
         with np.errstate(divide="ignore", invalid="ignore"):
-            speeds = lengths / np.maximum(np.max(ways, axis=1), lengths / self.setup.speed)
+            speeds = lengths / feeds(steps, self.limits, at_speed(lengths, self.setup.speed))
         self._feed(piece.index, piece.joints[1:])
         worst = int(np.nanargmin(speeds))
         if not speeds[worst] < self.setup.speed * (1 - _SLOW):
             return None
         x, y, z = piece.joints[worst + 1, :3].tolist()
-        return Slowdown(found.path.number, (x, y, z), AXES[int(np.argmax(ways[worst]))], float(speeds[worst]))
+        axis = AXES[int(np.argmax(axis_times(steps[worst], self.limits)))]
+        return Slowdown(found.path.number, (x, y, z), axis, float(speeds[worst]))
 
     def _drawn_off(self, joints: Floats) -> Floats:
         """Joint values (5,) with P drawn off along the gun's axis as far as the travel permits."""
@@ -252,15 +254,11 @@ class _Program:
     def _feed(self, index: int, joints: Floats) -> None:
         """Straight blocks to the joint values (m, 5) at the gun's speed, no axis faster than it may."""
         steps = np.diff(np.vstack([self.at, joints]), axis=0)
-        times = np.maximum(
-            np.linalg.norm(steps[:, :3], axis=1) / self.setup.speed, np.max(np.abs(steps) / self.speeds, 1)
-        )
+        times = feeds(steps, self.limits, at_speed(np.linalg.norm(steps[:, :3], axis=1), self.setup.speed))
         self._blocks(index, joints, np.full(len(joints), Kind.LINEAR, np.uint8), times)
 
     def _rapid(self, index: int, joints: Floats) -> None:
-        # From where nothing is stated the time is not known: it counts as none.
-        times = np.nan_to_num(np.abs(joints - self.at) / self.speeds)
-        self._block(index, joints, Kind.RAPID, float(np.max(times)))
+        self._block(index, joints, Kind.RAPID, float(rapids((joints - self.at)[None], self.limits)[0]))
 
     def _switch(self, index: int, event: Event) -> None:
         self._block(index, self.at, Kind.SWITCH, 0.0)

@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tapelayer.motion.stroke import SAME_TIME, Stroke, StrokeBlocks
+from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Kind
 
-SPEEDS = np.array([0.5, 2.0])
+LIMITS = Limits(np.array([0.5, 2.0]))
 EVENTS = st.sampled_from([event for event in Event if event != Event.NONE])
 # Halves and quarters make words fall on nodes and on each other; a delay may reach before the beginning.
 NUMBERS = st.sampled_from([0.0, 0.25, 0.5, 1.0, 2.0]) | st.floats(-3.0, 3.0)
@@ -51,7 +52,7 @@ def node_times(case: Case) -> list[float]:
     """Seconds at the nodes, one after the other."""
     times = [0.0]
     for before, after, least in zip(case.nodes, case.nodes[1:], case.least[1:], strict=False):
-        ways = [abs(b - a) / speed for a, b, speed in zip(before, after, SPEEDS, strict=True)]
+        ways = [abs(b - a) / speed for a, b, speed in zip(before, after, LIMITS.speed, strict=True)]
         times.append(times[-1] + max(*ways, float(least)))
     return times
 
@@ -59,7 +60,7 @@ def node_times(case: Case) -> list[float]:
 @settings(deadline=None, max_examples=300)
 @given(cases())
 def test_nodes_are_reached_as_fast_as_the_axes_go(case: Case) -> None:
-    assert case.stroke.times(SPEEDS).tolist() == pytest.approx(node_times(case), abs=1e-12)
+    assert case.stroke.times(LIMITS).tolist() == pytest.approx(node_times(case), abs=1e-12)
     assert len(case.stroke) == len(case.nodes)
     assert case.stroke.at.tolist() == case.nodes[-1].tolist()
 
@@ -139,7 +140,7 @@ def test_words_stand_at_their_nodes_in_the_order_in_which_they_were_given() -> N
     stroke.switch(Event.KNIFE_1_UP, 0.0, 2)
     stroke.switch(Event.KNIFE_2_DOWN, 0.0, 1)
     stroke.switch(Event.SHOE_UP, 0.0)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == [
+    assert said(stroke.rows(stroke.times(LIMITS))) == [
         "to 0.5 1",
         "KNIFE_1_DOWN",
         "KNIFE_2_DOWN",
@@ -154,7 +155,7 @@ def test_a_word_stands_ahead_of_its_effect_and_splits_the_block() -> None:
     stroke = there_and_back()
     stroke.switch(Event.SHOE_UP, 0.25)
     stroke.switch(Event.HEATER_OFF, 1.5)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == [
+    assert said(stroke.rows(stroke.times(LIMITS))) == [
         "to 0.5 1",
         "wait 0.5",
         "HEATER_OFF",
@@ -169,7 +170,7 @@ def test_the_head_waits_for_a_word_that_has_to_stand_before_it_sets_out() -> Non
     stroke = there_and_back()
     stroke.switch(Event.KNIFE_1_DOWN, 0.5, 0)
     stroke.switch(Event.SHOE_DOWN, 1.75, 1)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == [
+    assert said(stroke.rows(stroke.times(LIMITS))) == [
         "SHOE_DOWN",
         "wait 0.25",
         "KNIFE_1_DOWN",
@@ -185,13 +186,13 @@ def test_nodes_in_one_place_at_one_time_are_one() -> None:
     for place in (0.0, 0.5, 0.5):
         stroke.step(np.array([place, 0.0]), 0.0)
         stroke.switch(Event.ROLLER_DOWN, 0.0)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == ["ROLLER_DOWN", "to 0.5 1", "ROLLER_DOWN", "ROLLER_DOWN"]
+    assert said(stroke.rows(stroke.times(LIMITS))) == ["ROLLER_DOWN", "to 0.5 1", "ROLLER_DOWN", "ROLLER_DOWN"]
 
 
 def test_a_word_a_hair_from_a_node_stands_on_it() -> None:
     stroke = there_and_back()
     stroke.switch(Event.KNIFE_1_DOWN, 1.0 + SAME_TIME / 2, 2)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == ["to 0.5 1", "KNIFE_1_DOWN", "wait 1", "to 0 1"]
+    assert said(stroke.rows(stroke.times(LIMITS))) == ["to 0.5 1", "KNIFE_1_DOWN", "wait 1", "to 0 1"]
 
 
 def test_no_block_is_too_short_to_have_a_speed() -> None:
@@ -200,11 +201,11 @@ def test_no_block_is_too_short_to_have_a_speed() -> None:
     stroke.step(np.array([1e-16, 0.0]), 0.0)
     stroke.switch(Event.KNIFE_1_UP, 0.1 + 0.2, 3)
     stroke.switch(Event.SHOE_UP, 0.3, 3)
-    rows = stroke.rows(stroke.times(SPEEDS))
+    rows = stroke.rows(stroke.times(LIMITS))
     assert said(rows) == ["to 0.5 1", "wait 1", "to 0.15 0.7", "KNIFE_1_UP", "SHOE_UP", "to 1e-16 0.3"]
 
 
 def test_a_stroke_that_goes_nowhere_only_says_its_words() -> None:
     stroke = Stroke.begun(np.array([1.0, 2.0]))
     stroke.switch(Event.STOP, 0.0)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == ["STOP"]
+    assert said(stroke.rows(stroke.times(LIMITS))) == ["STOP"]
