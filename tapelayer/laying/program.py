@@ -14,7 +14,7 @@ from tapelayer.errors import AxisBeyondTravel, PartTooHigh, TapeRunsBack
 from tapelayer.geometry.toolpath import Toolpath
 from tapelayer.laying.cut_assignment import TOUCH
 from tapelayer.laying.head import head_of
-from tapelayer.laying.linearisation import CourseMotion, Poses, block_ends
+from tapelayer.laying.linearisation import Poses, block_ends, course_motion, nearest_point
 from tapelayer.laying.placing import courses_in_machine
 from tapelayer.laying.settings import Setup
 from tapelayer.laying.tape_plan import Step, TapePlan, plan_tape
@@ -96,10 +96,6 @@ class DrivenCourse:
     shortened: Floats
     out: Floats
 
-    def point(self, arc_length: float) -> int:
-        """Number (from 1) of the file's point nearest to an arc length in metres."""
-        return int(np.argmin(np.abs(self.path.arc_lengths - self.path.arc_lengths[0] - arc_length))) + 1
-
 
 def driven_course(path: Toolpath, setup: Setup, lengths: gantry.Lengths, radius: float) -> DrivenCourse:
     """Return a course as the gantry goes along it.
@@ -115,12 +111,12 @@ def driven_course(path: Toolpath, setup: Setup, lengths: gantry.Lengths, radius:
         TapeRunsBack: the tape would have to run back under the shoe.
     """
     process = setup.process
-    motion = CourseMotion(path, lengths, process.kinematics, radius)
+    motion = course_motion(path, lengths, process.kinematics, radius)
     laid = block_ends(motion, process.tolerance_mm * MM, process.tolerance_deg * DEG)
     way = DrivenCourse(path, laid, radius * laid.wrap, motion.curve.at(laid.arc_lengths[-1:])[2][0])
     back = np.flatnonzero(~(np.diff(laid.arc_lengths - way.shortened) >= 0.0))
     if len(back):
-        point = way.point(float(laid.arc_lengths[back[0]]))
+        point = nearest_point(path, float(laid.arc_lengths[back[0]]))
         raise TapeRunsBack(
             f"course {path.number} point {point}: the tape would run back under the shoe, because the surface is "
             "hollow and tighter than the roller; set [head] wrap_compensation = false"
@@ -365,8 +361,8 @@ class _Program:
             if np.all((values >= axis.lower) & (values <= axis.upper)):
                 continue
             row = int(np.argmax(np.nan_to_num(np.maximum(axis.lower - values, values - axis.upper), nan=np.inf))) + 1
-            way = ways[int(courses[row])]
-            found.append((way.path.number, way.point(float(arcs[row])), axis, float(joints[row, column])))
+            path = ways[int(courses[row])].path
+            found.append((path.number, nearest_point(path, float(arcs[row])), axis, float(joints[row, column])))
         if found:
             raise AxisBeyondTravel(found, _advice({axis.name for _, _, axis, _ in found}))
 
