@@ -164,8 +164,8 @@ class Job:
         return np.array([self.controller.resolution(axis.name) for axis in self.machine.axes])
 
     def _planned(self, tick: Tick) -> Trajectory:
-        alone = frozenset(joint for axis in self.controller.axes if axis.alone for joint in axis.joints)
-        return plan(self.courses, self.setup, self.machine, alone, tick)
+        exclusive = frozenset(joint for axis in self.controller.axes if axis.alone for joint in axis.joints)
+        return plan(self.courses, self.setup, self.machine, exclusive, tick)
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,15 +54,17 @@ def test_limits_are_those_of_the_axes_in_their_order() -> None:
 
 @given(STEPS, LEAST, st.sampled_from([0.25, 0.5, 2.0, 8.0]))
 def test_distances_scale_times(steps: np.ndarray, least: np.ndarray, share: float) -> None:
-    assert np.array_equal(rapids(steps * share, LIMITS), rapids(steps, LIMITS) * share)
-    assert np.array_equal(feeds(steps * share, LIMITS, least * share), feeds(steps, LIMITS, least) * share)
+    np.testing.assert_allclose(rapids(steps * share, LIMITS), rapids(steps, LIMITS) * share, atol=1e-300)
+    scaled = feeds(steps * share, LIMITS, least * share)
+    np.testing.assert_allclose(scaled, feeds(steps, LIMITS, least) * share, atol=1e-300)
 
 
 @given(STEPS)
 def test_limits_twice_as_high_halve_the_time(steps: np.ndarray) -> None:
     twice = Limits(LIMITS.speed * 2.0)
-    assert np.array_equal(rapids(steps, twice), rapids(steps, LIMITS) / 2.0)
-    assert np.array_equal(feeds(steps, twice, np.zeros(4)), feeds(steps, LIMITS, np.zeros(4)) / 2.0)
+    np.testing.assert_allclose(rapids(steps, twice), rapids(steps, LIMITS) / 2.0, atol=1e-300)
+    none = np.zeros(4)
+    np.testing.assert_allclose(feeds(steps, twice, none), feeds(steps, LIMITS, none) / 2.0, atol=1e-300)
 
 
 @given(STEPS, LEAST)
@@ -71,7 +73,7 @@ def test_no_axis_exceeds_its_limit_and_one_reaches_it_where_nothing_else_is_aske
 ) -> None:
     times = feeds(steps, LIMITS, least)
     assert np.all(times >= least) and np.all(times >= rapids(steps, LIMITS))
-    assert np.all(np.abs(steps) <= times[:, None] * LIMITS.speed * (1 + 1e-15))
+    assert np.all(np.abs(steps) <= times[:, None] * LIMITS.speed * (1 + 1e-15) + 1e-300)
     assert np.array_equal(feeds(steps, LIMITS, np.zeros(4)), rapids(steps, LIMITS))
 
 
