@@ -20,7 +20,7 @@ from tapelayer.geometry.stl import parse_mesh
 from tapelayer.machines.machine import Machine
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.time_law import Limits
-from tapelayer.motion.trajectory import Trajectory
+from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
 from tapelayer.provenance import VERSION, Provenance
 from tapelayer.spraying import page, report
@@ -209,8 +209,9 @@ class SprayJob:
 
     def text(self, planned: Verified[SprayEvidence]) -> bytes:
         """NC text of a verified trajectory."""
-        controller = _with_current(self.controller, self.setup.process.current_a)
-        return program.write(planned, controller, self.provenance)
+        current = self.setup.process.current_a
+        levels = {} if current is None else {Event.ARC_ON: current}
+        return program.write(planned, self.controller, self.provenance, levels)
 
     def read_back(self, text: bytes, name: str) -> reader.Program:
         """What an NC text says.
@@ -272,14 +273,6 @@ class SprayMade:
     def poses(self) -> bytes:
         """The gun's poses in the part's frame, as a text file."""
         return trajectory_text(self.job.plan.passes, self.planned.pieces, self.job.placement, self.job.provenance)
-
-
-def _with_current(controller: Controller, current: float | None) -> Controller:
-    """The controller with the current as S beside the word for the arc, where it reads an S that moves nothing."""
-    word = controller.events.get("arc_on", "")
-    if current is None or "S" not in controller.codes.no_effect or not word or " " in word:
-        return controller
-    return controller.model_copy(update={"events": {**controller.events, "arc_on": f"{word} S{current:g}"}})
 
 
 def sprayer_of(setup: SpraySetup) -> Machine:
