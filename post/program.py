@@ -132,47 +132,57 @@ class _Moves:
     """What the blocks' words do.
 
     Attributes:
-        bare: (n,) motions without words.
+        wordless: (n,) motions without words.
         written: (n,) blocks with words of axes that the control interpolates.
         moved: (n,) blocks in which such an axis moves.
         straight: (n,) blocks that have a feed: these but for rapids.
-        put_out: (n,) blocks with words of axes that the control does not interpolate.
+        unsynchronised: (n,) blocks with words of axes that the control does not interpolate.
         turned: (n,) blocks in which one of those moves.
-        alone: whether those stand in blocks of their own.
+        exclusive: whether those stand in blocks of their own.
     """
 
-    bare: Mask
+    wordless: Mask
     written: Mask
     moved: Mask
     straight: Mask
-    put_out: Mask
+    unsynchronised: Mask
     turned: Mask
-    alone: bool
+    exclusive: bool
 
 
 def _moves(trajectory: Trajectory, columns: Sequence[Column], controller: Controller) -> _Moves:
     """What the blocks' words do; refuses what cannot be said in one block."""
     plain = [column for column in columns if not column.axis.word]
     outputs = [column for column in columns if column.axis.word]
-    alone = any(column.axis.alone for column in outputs)
+    exclusive = any(column.axis.alone for column in outputs)
     count = len(trajectory)
-    written, moved = _any(count, (column.written for column in plain)), _any(count, (c.moved for c in plain))
-    put_out, turned = _any(count, (column.written for column in outputs)), _any(count, (c.moved for c in outputs))
+    written = _any(count, (column.written for column in plain))
+    moved = _any(count, (column.moved for column in plain))
+    unsynchronised = _any(count, (column.written for column in outputs))
+    turned = _any(count, (column.moved for column in outputs))
     motions = moving(trajectory)
     feeding = motions & (trajectory.kinds != Kind.RAPID)
-    still = feeding & ((written & ~moved) | (put_out & ~turned & ~moved))
+    still = feeding & ((written & ~moved) | (unsynchronised & ~turned & ~moved))
     if still.any():
         raise NotWritable(
             f"block {int(np.argmax(still))}: states axes without moving one; only a rapid can, at no feed"
         )
-    if alone and np.any(moved & turned):
+    if exclusive and np.any(moved & turned):
         block = int(np.argmax(moved & turned))
         joint = next(column.joint for column in outputs if column.moved[block])
         raise NotWritable(
             f"block {block}: axis {joint} moves together with others, but controller {controller.name} moves it in "
             "blocks of its own; take it apart first"
         )
-    return _Moves(motions & ~written & ~put_out, written, moved, feeding & moved, put_out, turned, alone)
+    return _Moves(
+        wordless=motions & ~written & ~unsynchronised,
+        written=written,
+        moved=moved,
+        straight=feeding & moved,
+        unsynchronised=unsynchronised,
+        turned=turned,
+        exclusive=exclusive,
+    )
 
 
 def _any(count: int, masks: Iterable[Mask]) -> Mask:
@@ -185,11 +195,11 @@ def _any(count: int, masks: Iterable[Mask]) -> Mask:
 
 def _times(trajectory: Trajectory, moves: _Moves, units: int) -> tuple[Floats, Ints]:
     """Durations (n,) of straight blocks in seconds with those of dropped blocks added, and dwells (n,) in units."""
-    waits = moves.bare | (trajectory.kinds == Kind.DWELL)
+    waits = moves.wordless | (trajectory.kinds == Kind.DWELL)
     pauses = np.zeros(len(trajectory), dtype=np.int64)
     pauses[waits] = rounded(trajectory.durations[waits] * units, 0)
     durations = trajectory.durations
-    dropped = np.flatnonzero(moves.bare & (durations < max(BRIEF, 0.5 / units)) & (durations > 0))
+    dropped = np.flatnonzero(moves.wordless & (durations < max(BRIEF, 0.5 / units)) & (durations > 0))
     if not len(dropped):
         return durations, pauses
     pauses[dropped] = 0
@@ -273,12 +283,12 @@ def _reset(column: Column, starts: Ints) -> Column:
 
 
 def _layout(trajectory: Trajectory, moves: _Moves, pauses: Ints, units: int) -> _Layout:
-    """Rows of the blocks: none for what is dropped, more than one where an axis is put out."""
+    """Rows of the blocks: none for what is dropped, more than one where an axis is not interpolated."""
     kept = moves.written | (pauses > 0) | (trajectory.kinds == Kind.SWITCH)
-    if not moves.put_out.any():
+    if not moves.unsynchronised.any():
         blocks = np.flatnonzero(kept)
         return _Layout(blocks, moves.written[blocks], np.zeros(len(blocks), dtype=bool), pauses[blocks])
-    apart = moves.put_out & (~moves.written | moves.alone)
+    apart = moves.unsynchronised & (~moves.written | moves.exclusive)
     waits = np.flatnonzero(apart & moves.turned & ~moves.moved)
     # A block is its output, the wait for that, and the rest, in this order.
     parts = [np.flatnonzero(apart), waits, np.flatnonzero(kept)]
@@ -292,7 +302,7 @@ def _layout(trajectory: Trajectory, moves: _Moves, pauses: Ints, units: int) -> 
     return _Layout(
         blocks=blocks,
         plain=moves.written[blocks] & (part == 2),
-        outputs=moves.put_out[blocks] & np.where(apart[blocks], part == 0, part == 2),
+        outputs=moves.unsynchronised[blocks] & np.where(apart[blocks], part == 0, part == 2),
         pauses=times[order],
     )
 
