@@ -10,7 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from post.controllers import Controller, code
+from post.controllers import Controller
+from post.controllers.table import code
 from post.scan import Words, extended_addresses, letter_of, shown_letter
 from post.source import Bytes, Source
 from tapelayer.arrays import Floats, Ints, Mask

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from post.blocks import Blocks
-from post.controllers import AxisWord, Controller
+from post.controllers import Controller
+from post.controllers.table import AxisWord
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.motion.trajectory import Kind
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from post.controllers import Controller, load, parse
+from post.controllers import Controller, load
+from post.controllers.parsing import parse
 from post.program import write
 from post.reader import read
 from tapelayer.courses.course_file import read_courses

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from post.controllers import Controller, load, parse
+from post.controllers import Controller, load
+from post.controllers.parsing import parse
 from post.program import write
 from post.reader import Program, read
 from post.source import Comment
