@@ -38,8 +38,7 @@ def load(name_or_path: str) -> Controller:
     try:
         data = Path(name_or_path).read_bytes()
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise ControllerRefused(name_or_path, [InputFault(0, f"cannot be read: {reason}")]) from None
+        raise ControllerRefused.unreadable(name_or_path, error) from None
     return parse(data, name_or_path)
 
 
