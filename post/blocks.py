@@ -10,7 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from post.controllers import Controller, code
+from post.controllers import Controller
+from post.controllers.table import code
 from post.scan import Words, extended_addresses, letter_of, shown_letter
 from post.source import Bytes, Source
 from tapelayer.arrays import Floats, Ints, Mask
@@ -93,7 +94,7 @@ def blocks_of(source: Source, words: Words, controller: Controller) -> Blocks:
     mode = _held(action, np.isin(action, _MODES), 0)
     moves = has_axis & ~dwells & ~sets
     circular = moves & (mode >= _CLOCKWISE) & (mode <= _COUNTERCLOCKWISE)
-    events, ends, takes = _switching(words, controller, arguments, used)
+    events, ends, axis_output = _switching(words, controller, arguments, used)
     used[codes.dwell_address] |= dwells
     used[controller.feed.address] |= ~dwells
     for letter in set(controller.arcs.offsets) & set(used):
@@ -104,11 +105,11 @@ def blocks_of(source: Source, words: Words, controller: Controller) -> Blocks:
     for line in np.flatnonzero((events > 0) & (moves | dwells | sets)).tolist():
         words.fault_in(line, ord("M"), "a switching word stands in a block with a motion or dwell; give it its own")
     for axis in controller.axes:
-        missing = ~takes[words.lines[axes[axis.address]]] & bool(axis.word)
+        missing = ~axis_output[words.lines[axes[axis.address]]] & bool(axis.word)
         for word in axes[axis.address][missing].tolist():
             words.fault(word, f"expected {axis.word} in a block with {axis.address.rstrip('=')}")
-    alone = any(axis.alone for axis in controller.axes)
-    for line in np.flatnonzero(takes & (~has_output | dwells | sets | (alone & has_axis))).tolist():
+    exclusive = any(axis.alone for axis in controller.axes)
+    for line in np.flatnonzero(axis_output & (~has_output | dwells | sets | (exclusive & has_axis))).tolist():
         words.fault_in(line, ord("M"), "expected the axis words that this word takes, and no others that it does not")
     pauses = arguments[codes.dwell_address]
     for line in np.flatnonzero(dwells & (has_axis | has_output | ~(pauses >= 0.0))).tolist():
@@ -118,7 +119,7 @@ def blocks_of(source: Source, words: Words, controller: Controller) -> Blocks:
     for line in np.flatnonzero(feeds <= 0.0).tolist():
         words.fault_in(line, ord(controller.feed.address), "expected a feed above 0")
     _check_end(words, controller, ends)
-    outputs = takes & has_output & ~has_axis
+    outputs = axis_output & has_output & ~has_axis
     blocks = moves | dwells | outputs | (events > 0)
     kinds = np.where(moves, _KINDS[mode], np.where(dwells, Kind.DWELL, np.where(outputs, Kind.RAPID, Kind.SWITCH)))
     source.refuse()
@@ -241,7 +242,7 @@ def _preparatory(
 def _switching(
     words: Words, controller: Controller, arguments: Mapping[str, Floats], used: Mapping[str, Mask]
 ) -> tuple[NDArray[np.uint8], Mask, Mask]:
-    """Event (lines,) of each line, where the program ends, and where the word stands that takes axes.
+    """Event (lines,) of each line, where the program ends, and where a word stands that puts axes out.
 
     The arguments of those words are marked as used.
     """
@@ -259,7 +260,7 @@ def _switching(
         return here
 
     known = np.isin(numbers, [code(word)[1] for word in controller.blocks.end])
-    ends, takes = np.zeros(words.line_count, dtype=bool), np.zeros(words.line_count, dtype=bool)
+    ends, axis_output = np.zeros(words.line_count, dtype=bool), np.zeros(words.line_count, dtype=bool)
     ends[lines[known]] = True
     events = np.zeros(words.line_count, dtype=np.uint8)
     for resting in (False, True):
@@ -269,11 +270,11 @@ def _switching(
             known |= here
     for text in {axis.word for axis in controller.axes} - {""}:
         here = standing(text)
-        takes[lines[here]] = True
+        axis_output[lines[here]] = True
         known |= here
     for word in found[~known].tolist():
         words.fault(word, f"M{words.values[word]:g} is no word of controller {controller.name}")
-    return events, ends, takes
+    return events, ends, axis_output
 
 
 def _held(values: NDArray[np.uint8], given: Mask, initial: int) -> NDArray[np.uint8]:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from post.controllers import AxisWord
+from post.controllers.table import AxisWord
 from post.words import rounded
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import NotWritable

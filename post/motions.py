@@ -1,4 +1,4 @@
-"""Motions: where the axes of a program go, and how far."""
+"""Motions: where the axes of a program go, how far, and with which feed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from post.blocks import Blocks
-from post.controllers import AxisWord, Controller
+from post.controllers import Controller
+from post.controllers.table import AxisWord
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.motion.trajectory import Kind
 
@@ -38,9 +39,20 @@ class AxisPath:
         place = int(np.searchsorted(self.blocks, block))
         return float(self.steps[place]) if place < len(self.blocks) and self.blocks[place] == block else 0.0
 
+    def steps_in(self, blocks: Ints) -> Floats:
+        """Change within each of the (m,) blocks, 0 where the axis's word does not stand."""
+        place = np.searchsorted(self.blocks, blocks)
+        here = np.append(self.blocks, -1)[place] == blocks
+        return np.where(here, np.append(self.steps, 0.0)[place], 0.0)
+
     def before(self, block: int) -> float:
         """Position at a block's begin."""
         return float(self.positions[int(np.searchsorted(self.blocks, block)) - 1])
+
+
+def from_mm(millimetres: Floats) -> Floats:
+    """Return metres for millimetres; any shape."""
+    return millimetres / 1e3
 
 
 def axis_path(blocks: Blocks, axis: AxisWord) -> AxisPath:
@@ -200,8 +212,3 @@ def _norms(paths: Sequence[AxisPath], count: int) -> Floats:
     for path in paths:
         squares[path.blocks] += path.steps * path.steps
     return np.sqrt(squares)
-
-
-def from_mm(millimetres: Floats) -> Floats:
-    """Return metres for millimetres; any shape."""
-    return millimetres / 1e3

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
@@ -14,7 +13,8 @@ from numpy.typing import NDArray
 from post import arcs
 from post.columns import Column, columns_of, moving
 from post.controllers import Controller
-from post.words import Cells, join, literals, rounded, words
+from post.rows import Layout, TextRows, body, course_comment, head
+from post.words import rounded
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import NotWritable
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
@@ -27,13 +27,7 @@ TAPE = "u"
 FEED_DECIMALS = 9
 # A motion without words that is shorter than this, in seconds, is no standstill: the motion behind it takes its time.
 BRIEF = 5e-4
-# Rows made into text at once: their cells stay in the cache.
-CHUNK = 1 << 14
-
 PLANE_NAMES: tuple[Literal["xy", "zx", "yz"], ...] = ("xy", "zx", "yz")
-
-_COMMENT_MARK = b"\x01"
-_NOT_IN_COMMENTS = re.compile(r"[^ -~]|[()%;]")
 
 
 def write(
@@ -83,48 +77,10 @@ def write(
         columns = [_reset(column, starts) if column.joint == TAPE else column for column in columns]
     layout = _layout(trajectory, moves, pauses, 10**controller.codes.dwell_decimals)
     rows = _rows(trajectory, columns, circles, layout, feeds, starts, controller, levels)
-    head = _head(controller, provenance)
     last = f"{controller.blocks.last_line}\n" if controller.blocks.last_line else ""
-    courses = [_course_comment(trajectory.courses, block, controller) for block in starts.tolist()]
-    return b"".join([head, *_body(rows, columns, circles, controller, courses), last.encode("ascii")])
-
-
-@dataclass(frozen=True, eq=False)
-class _Layout:
-    """Rows that the blocks become, in order.
-
-    Attributes:
-        blocks: (m,) block that a row writes.
-        plain: (m,) whether it has the words of axes that the control interpolates.
-        outputs: (m,) whether it has those of the others.
-        pauses: (m,) dwell time in units of its last decimal, 0 where there is none.
-    """
-
-    blocks: Ints
-    plain: Mask
-    outputs: Mask
-    pauses: Ints
-
-
-@dataclass(frozen=True, eq=False)
-class _TextRows:
-    """Numbered rows of the program, in order: those of the blocks, and fixed texts.
-
-    Attributes:
-        layout: what the rows write; a fixed text has block -1.
-        codes: (m,) index into `texts`.
-        texts: G and M words and fixed texts, with their leading space; the first is empty.
-        feeds: (m,) feed in units of its last decimal, 0 where none is written.
-        feed_decimals: (m,) decimals of each feed.
-        comments: rows in front of which a course's comment stands, in order.
-    """
-
-    layout: _Layout
-    codes: Ints
-    texts: tuple[bytes, ...]
-    feeds: Ints
-    feed_decimals: Ints
-    comments: Ints
+    courses = [course_comment(trajectory.courses, block, controller) for block in starts.tolist()]
+    text = body(rows, columns, circles, controller, courses)
+    return b"".join([head(controller, provenance), *text, last.encode("ascii")])
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,47 +88,57 @@ class _Moves:
     """What the blocks' words do.
 
     Attributes:
-        bare: (n,) motions without words.
+        wordless: (n,) motions without words.
         written: (n,) blocks with words of axes that the control interpolates.
         moved: (n,) blocks in which such an axis moves.
         straight: (n,) blocks that have a feed: these but for rapids.
-        put_out: (n,) blocks with words of axes that the control does not interpolate.
+        unsynchronised: (n,) blocks with words of axes that the control does not interpolate.
         turned: (n,) blocks in which one of those moves.
-        alone: whether those stand in blocks of their own.
+        exclusive: whether those stand in blocks of their own.
     """
 
-    bare: Mask
+    wordless: Mask
     written: Mask
     moved: Mask
     straight: Mask
-    put_out: Mask
+    unsynchronised: Mask
     turned: Mask
-    alone: bool
+    exclusive: bool
 
 
 def _moves(trajectory: Trajectory, columns: Sequence[Column], controller: Controller) -> _Moves:
     """What the blocks' words do; refuses what cannot be said in one block."""
     plain = [column for column in columns if not column.axis.word]
     outputs = [column for column in columns if column.axis.word]
-    alone = any(column.axis.alone for column in outputs)
+    exclusive = any(column.axis.alone for column in outputs)
     count = len(trajectory)
-    written, moved = _any(count, (column.written for column in plain)), _any(count, (c.moved for c in plain))
-    put_out, turned = _any(count, (column.written for column in outputs)), _any(count, (c.moved for c in outputs))
+    written = _any(count, (column.written for column in plain))
+    moved = _any(count, (column.moved for column in plain))
+    unsynchronised = _any(count, (column.written for column in outputs))
+    turned = _any(count, (column.moved for column in outputs))
     motions = moving(trajectory)
     feeding = motions & (trajectory.kinds != Kind.RAPID)
-    still = feeding & ((written & ~moved) | (put_out & ~turned & ~moved))
+    still = feeding & ((written & ~moved) | (unsynchronised & ~turned & ~moved))
     if still.any():
         raise NotWritable(
             f"block {int(np.argmax(still))}: states axes without moving one; only a rapid can, at no feed"
         )
-    if alone and np.any(moved & turned):
+    if exclusive and np.any(moved & turned):
         block = int(np.argmax(moved & turned))
         joint = next(column.joint for column in outputs if column.moved[block])
         raise NotWritable(
             f"block {block}: axis {joint} moves together with others, but controller {controller.name} moves it in "
             "blocks of its own; take it apart first"
         )
-    return _Moves(motions & ~written & ~put_out, written, moved, feeding & moved, put_out, turned, alone)
+    return _Moves(
+        wordless=motions & ~written & ~unsynchronised,
+        written=written,
+        moved=moved,
+        straight=feeding & moved,
+        unsynchronised=unsynchronised,
+        turned=turned,
+        exclusive=exclusive,
+    )
 
 
 def _any(count: int, masks: Iterable[Mask]) -> Mask:
@@ -185,11 +151,11 @@ def _any(count: int, masks: Iterable[Mask]) -> Mask:
 
 def _times(trajectory: Trajectory, moves: _Moves, units: int) -> tuple[Floats, Ints]:
     """Durations (n,) of straight blocks in seconds with those of dropped blocks added, and dwells (n,) in units."""
-    waits = moves.bare | (trajectory.kinds == Kind.DWELL)
+    waits = moves.wordless | (trajectory.kinds == Kind.DWELL)
     pauses = np.zeros(len(trajectory), dtype=np.int64)
     pauses[waits] = rounded(trajectory.durations[waits] * units, 0)
     durations = trajectory.durations
-    dropped = np.flatnonzero(moves.bare & (durations < max(BRIEF, 0.5 / units)) & (durations > 0))
+    dropped = np.flatnonzero(moves.wordless & (durations < max(BRIEF, 0.5 / units)) & (durations > 0))
     if not len(dropped):
         return durations, pauses
     pauses[dropped] = 0
@@ -272,13 +238,13 @@ def _reset(column: Column, starts: Ints) -> Column:
     return replace(column, numbers=column.numbers - np.concatenate([[0], zeros])[epochs])
 
 
-def _layout(trajectory: Trajectory, moves: _Moves, pauses: Ints, units: int) -> _Layout:
-    """Rows of the blocks: none for what is dropped, more than one where an axis is put out."""
+def _layout(trajectory: Trajectory, moves: _Moves, pauses: Ints, units: int) -> Layout:
+    """Rows of the blocks: none for what is dropped, more than one where an axis is not interpolated."""
     kept = moves.written | (pauses > 0) | (trajectory.kinds == Kind.SWITCH)
-    if not moves.put_out.any():
+    if not moves.unsynchronised.any():
         blocks = np.flatnonzero(kept)
-        return _Layout(blocks, moves.written[blocks], np.zeros(len(blocks), dtype=bool), pauses[blocks])
-    apart = moves.put_out & (~moves.written | moves.alone)
+        return Layout(blocks, moves.written[blocks], np.zeros(len(blocks), dtype=bool), pauses[blocks])
+    apart = moves.unsynchronised & (~moves.written | moves.exclusive)
     waits = np.flatnonzero(apart & moves.turned & ~moves.moved)
     # A block is its output, the wait for that, and the rest, in this order.
     parts = [np.flatnonzero(apart), waits, np.flatnonzero(kept)]
@@ -289,10 +255,10 @@ def _layout(trajectory: Trajectory, moves: _Moves, pauses: Ints, units: int) -> 
     order = np.lexsort((part, blocks))
     order = order[(part[order] != 1) | (times[order] > 0)]
     blocks, part = blocks[order], part[order]
-    return _Layout(
+    return Layout(
         blocks=blocks,
         plain=moves.written[blocks] & (part == 2),
-        outputs=moves.put_out[blocks] & np.where(apart[blocks], part == 0, part == 2),
+        outputs=moves.unsynchronised[blocks] & np.where(apart[blocks], part == 0, part == 2),
         pauses=times[order],
     )
 
@@ -301,12 +267,12 @@ def _rows(
     trajectory: Trajectory,
     columns: Sequence[Column],
     circles: arcs.Circles,
-    layout: _Layout,
+    layout: Layout,
     feeds: Floats,
     starts: Ints,
     controller: Controller,
     levels: Mapping[Event, float],
-) -> _TextRows:
+) -> TextRows:
     """Rows with modal G and feed words, and the fixed texts between."""
     blocks = layout.blocks
     epochs = np.cumsum(np.bincount(starts, minlength=len(trajectory)))[blocks]
@@ -362,8 +328,8 @@ def _rows(
         if controller.u_reset == "course" and tape is not None and tape.written[:start].any():
             insert(at, [f"{codes.set_position} {tape.axis.address}0"])
     insert(len(blocks), controller.blocks.end[:1])
-    return _TextRows(
-        layout=_Layout(
+    return TextRows(
+        layout=Layout(
             blocks=np.insert(blocks, before, -1),
             plain=np.insert(layout.plain, before, False),
             outputs=np.insert(layout.outputs, before, False),
@@ -386,7 +352,7 @@ def _level(event: Event, controller: Controller, levels: Mapping[Event, float]) 
     return f" {letters[event]}{whole}" + f".{fraction:03d}".rstrip("0").rstrip(".")
 
 
-def _at_rest(layout: _Layout, events: NDArray[np.uint8], switches: Ints) -> Mask:
+def _at_rest(layout: Layout, events: NDArray[np.uint8], switches: Ints) -> Mask:
     """Switching rows (m,) that no motion follows at once, other switching rows left out; a stop is no motion."""
     follows = np.ones(len(layout.blocks), dtype=bool)
     follows[switches] = events[switches] == Event.STOP
@@ -418,105 +384,3 @@ def _feed_digits(feeds: Floats, digits: int) -> tuple[Ints, Ints]:
         at = np.flatnonzero(written & (decimals == count))
         numbers[at] = rounded(feeds[at], count)
     return numbers, decimals
-
-
-def _body(
-    rows: _TextRows, columns: Sequence[Column], circles: arcs.Circles, controller: Controller, comments: Sequence[bytes]
-) -> Iterator[bytes]:
-    """Text of the rows with the courses' comments in their places, piece by piece."""
-    remaining = iter(comments)
-    for first in range(0, len(rows.codes), CHUNK):
-        page = slice(first, min(first + CHUNK, len(rows.codes)))
-        cells = _page(rows, page, columns, circles, controller)
-        text = join(page.stop - page.start, cells)
-        longest = controller.blocks.max_line
-        # The cells bound the length of a line; only where the bound is too long are the lines measured.
-        if 4 * sum(len(word) for _, word in cells) > longest:
-            ends = np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord("\n"))
-            length = int(np.diff(ends, prepend=-1).max()) - 1
-            if length > longest:
-                raise NotWritable(
-                    f"a line would have {length} characters, controller {controller.name} takes {longest}; "
-                    "write fewer decimals or no N words"
-                )
-        if not controller.blocks.number_step:
-            text = text.replace(b"\n ", b"\n").replace(_COMMENT_MARK + b" ", _COMMENT_MARK).removeprefix(b" ")
-        first_piece, *others = text.split(_COMMENT_MARK) if _COMMENT_MARK in text else [text]
-        yield first_piece
-        for piece in others:
-            yield next(remaining)
-            yield piece
-
-
-def _page(
-    rows: _TextRows, page: slice, columns: Sequence[Column], circles: arcs.Circles, controller: Controller
-) -> list[tuple[Ints | None, Cells]]:
-    """Cells of a slice of the rows."""
-    layout = rows.layout
-    blocks, pauses = layout.blocks[page], layout.pauses[page]
-    cells: list[tuple[Ints | None, Cells]] = []
-    low, high = np.searchsorted(rows.comments, [page.start, page.stop])
-    if low < high:
-        cells.append((rows.comments[low:high] - page.start, literals([_COMMENT_MARK])))
-    if step := controller.blocks.number_step:
-        numbers = step * (1 + np.arange(page.start, page.stop) % (controller.blocks.number_maximum // step))
-        cells.append((None, words(b"N", numbers, 0)))
-    cells.append((None, tuple(cell[rows.codes[page]] for cell in literals(rows.texts))))
-    for column in columns:
-        carried = layout.outputs[page] if column.axis.word else layout.plain[page]
-        at = np.flatnonzero(column.written[blocks] & carried)
-        if len(at):
-            address = f" {column.axis.address}".encode("ascii")
-            cells.append((at, words(address, column.numbers[blocks[at] + 1], column.axis.decimals)))
-    circle = np.where(layout.plain[page], circles.of_block[blocks], -1)
-    if circle.max() >= 0:
-        decimals = {column.joint: column.axis.decimals for column in columns}
-        for index, letter in enumerate(controller.arcs.offsets):
-            at = np.flatnonzero(circle >= 0)
-            at = at[np.any(circles.axes[circle[at]] == index, axis=1)]
-            address = f" {letter}".encode("ascii")
-            cells.append((at, words(address, circles.offsets[circle[at], index], decimals["xyz"[index]])))
-    at = np.flatnonzero(pauses)
-    if len(at):
-        address = f" {controller.codes.dwell_address}".encode("ascii")
-        cells.append((at, words(address, pauses[at], controller.codes.dwell_decimals)))
-    feeds, digits_of = rows.feeds[page], rows.feed_decimals[page]
-    for digits in np.flatnonzero(np.bincount(digits_of[feeds > 0])).tolist():
-        at = np.flatnonzero((feeds > 0) & (digits_of == digits))
-        cells.append((at, words(f" {controller.feed.address}".encode("ascii"), feeds[at], digits)))
-    for word in sorted({column.axis.word for column in columns} - {""}):
-        cells.append(
-            (np.flatnonzero(layout.outputs[page] & layout.plain[page]), literals([f" {word}".encode("ascii")]))
-        )
-    cells.append((None, literals([b"\n"])))
-    return cells
-
-
-def _head(controller: Controller, provenance: Provenance) -> bytes:
-    """What stands before the first block: what the program was made from, and the units it speaks."""
-    per = "1/min" if controller.feed.mode == "inverse_time" else "mm/min"
-    lines = [
-        f"tapelayer {provenance.version}",
-        f"source: {provenance.source}",
-        f"source sha256: {provenance.source_sha256}",
-        f"setup sha256: {provenance.setup_sha256}",
-        f"controller: {controller.name}",
-        f"units: mm, deg, s, feed in {per}",
-        *(f"note: {note}" for note in provenance.notes),
-    ]
-    first = f"{controller.blocks.first_line}\n" if controller.blocks.first_line else ""
-    return first.encode("ascii") + b"".join(_comment(line, controller) for line in lines)
-
-
-def _course_comment(courses: np.ndarray, block: int, controller: Controller) -> bytes:
-    return _comment(f"course {courses[block] + 1} of {courses.max() + 1}", controller)
-
-
-def _comment(text: str, controller: Controller) -> bytes:
-    """Comment line; whatever could end the comment, or is no printable ASCII, becomes an underscore."""
-    safe = _NOT_IN_COMMENTS.sub("_", text)
-    if controller.blocks.comment[0] == "(":
-        line = f"({safe[: controller.blocks.max_line - 2]})"
-    else:
-        line = f"; {safe[: controller.blocks.max_line - 2]}"
-    return f"{line}\n".encode("ascii")

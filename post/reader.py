@@ -1,7 +1,7 @@
 """Reader: NC text to a trajectory; written on its own, it shares no formatting or rounding with the writer.
 
-The text is taken as one array of bytes: words are found by their letters, numbers are made from eight bytes at a time,
-and every state of the control is carried forward over all lines at once.
+Four steps lead there, each over all lines at once: `source` takes the comments out, `scan` reads letters and numbers,
+`blocks` carries the control's modes forward and says what every line does, and `motions` where the axes go and how far.
 """
 
 from __future__ import annotations
@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 
 from post.blocks import Blocks, blocks_of
 from post.controllers import Controller
-from post.motions import axis_path, circles_of, feeds_of, from_mm, lengths_of, where_moved
+from post.controllers.table import AxisWord
+from post.motions import AxisPath, axis_path, circles_of, feeds_of, from_mm, lengths_of, where_moved
 from post.scan import words_of
 from post.source import Comment, Source
+from tapelayer.arrays import Floats, Mask
+from tapelayer.motion.time_law import Limits, by_feed_word, rapids
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 
 _HEADER = re.compile(r"(tapelayer|source sha256:|setup sha256:|source:|controller:) *(.*)")
@@ -49,9 +52,7 @@ class Program:
     controller: str
 
 
-def read(
-    text: bytes, controller: Controller, machine_axes: Sequence[str], speeds: Mapping[str, float], name: str
-) -> Program:
+def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limits: Limits, name: str) -> Program:
     """Read a program.
 
     A control begins in absolute positions and feed per minute. A straight block takes the time that the control's feed
@@ -64,7 +65,7 @@ def read(
         text: bytes of the program.
         controller: the control's table.
         machine_axes: joints of the machine, the columns of the trajectory.
-        speeds: speed of a rapid for every joint, in m/s or rad/s.
+        limits: of these joints, by which rapids go.
         name: name of the file, for messages.
 
     Raises:
@@ -84,43 +85,20 @@ def read(
     circles = circles_of(blocks, paths, controller)
     feeds = feeds_of(blocks, moved)
     source.refuse()
-    positions = np.empty((len(blocks.rows), len(machine_axes)))
-    stated = np.zeros(len(blocks.rows), dtype=np.uint16)
+    positions, stated = _positions(blocks, paths, axes)
     durations = np.where(blocks.kinds == Kind.DWELL, blocks.pauses, 0.0)
+    rapid = np.flatnonzero((blocks.kinds == Kind.RAPID) & ~blocks.outputs)
+    steps = np.zeros((len(rapid), len(axes)))
     for axis, index in axes:
-        path = paths[axis.address]
-        scale = np.deg2rad if axis.unit == "deg" else from_mm
-        first = path.blocks[0] if len(path.blocks) else len(positions)
-        positions[:first, index] = np.nan
-        positions[first:, index] = np.repeat(scale(path.positions), np.diff(path.blocks, append=len(positions)))
-        stated[path.blocks] |= np.uint16(1 << index)
-        # A step from where nothing was stated is NaN, which fmax passes over.
-        rapid = np.flatnonzero((blocks.kinds[path.blocks] == Kind.RAPID) & ~blocks.outputs[path.blocks])
-        times = np.abs(scale(path.steps[rapid])) / speeds[machine_axes[index]]
-        durations[path.blocks[rapid]] = np.fmax(durations[path.blocks[rapid]], times)
+        steps[:, index] = _in_si(axis, paths[axis.address].steps_in(rapid))
+    durations[rapid] = rapids(steps, limits)
     straight = np.flatnonzero(blocks.feeding & moved)
     lengths = lengths_of(plain, moved, circles, controller)
-    durations[straight] = 60.0 * np.where(blocks.inverse, 1.0, lengths)[straight] / feeds[straight]
-    # What the control does not interpolate moves in the dwell that follows its word at once, and is one block with it.
-    outputs = [path for address, path in paths.items() if address not in plain]
-    turned = where_moved(len(blocks.rows), outputs)
-    turns = np.flatnonzero(blocks.outputs & turned)
-    waiting = turns[blocks.kinds[np.minimum(turns + 1, len(blocks.kinds) - 1)] == Kind.DWELL]
+    durations[straight] = by_feed_word(lengths[straight], feeds[straight], blocks.inverse[straight])
     kinds = blocks.kinds.copy()
-    kinds[turns] = Kind.LINEAR
-    durations[waiting] = blocks.pauses[waiting + 1]
-    kept = np.ones(len(kinds), dtype=bool)
-    kept[waiting + 1] = False
-    # Where it is only stated again, that belongs to the next block.
-    again = blocks.outputs & ~turned
-    for path in outputs:
-        again[path.blocks[:1]] = False
-    restated = np.flatnonzero(again)
-    kept[restated] = False
-    following = np.flatnonzero(kept)
-    place = np.searchsorted(following, restated)
-    np.bitwise_or.at(stated, following[place[place < len(following)]], stated[restated[place < len(following)]])
-    rows = slice(None) if kept.all() else following
+    outputs = [path for address, path in paths.items() if address not in plain]
+    kept = _turn_outputs(blocks, outputs, kinds, durations, stated)
+    rows = slice(None) if kept.all() else np.flatnonzero(kept)
     trajectory = Trajectory(
         axes=tuple(machine_axes),
         start=np.full(len(machine_axes), np.nan),
@@ -148,6 +126,65 @@ def read(
         version=said.get("tapelayer", ""),
         controller=said.get("controller:", ""),
     )
+
+
+def _in_si(axis: AxisWord, values: Floats) -> Floats:
+    """Metres or radians for values of an axis in the unit in which it is written; any shape."""
+    return np.deg2rad(values) if axis.unit == "deg" else from_mm(values)
+
+
+def _positions(
+    blocks: Blocks, paths: Mapping[str, AxisPath], axes: Sequence[tuple[AxisWord, int]]
+) -> tuple[Floats, NDArray[np.uint16]]:
+    """Joint values (n, k) at each block's end, NaN before the first word, and bits (n,) of the axes it states."""
+    positions = np.empty((len(blocks.rows), len(axes)))
+    stated = np.zeros(len(blocks.rows), dtype=np.uint16)
+    for axis, index in axes:
+        path = paths[axis.address]
+        first = path.blocks[0] if len(path.blocks) else len(positions)
+        positions[:first, index] = np.nan
+        values = _in_si(axis, path.positions)
+        positions[first:, index] = np.repeat(values, np.diff(path.blocks, append=len(positions)))
+        stated[path.blocks] |= np.uint16(1 << index)
+    return positions, stated
+
+
+def _turn_outputs(
+    blocks: Blocks,
+    paths: Sequence[AxisPath],
+    kinds: NDArray[np.uint8],
+    durations: Floats,
+    stated: NDArray[np.uint16],
+) -> Mask:
+    """Make one block of each output that turns an axis and the dwell that follows it at once, in which the axis moves.
+
+    Args:
+        blocks: of the program.
+        paths: of the axes that the control does not interpolate.
+        kinds: (n,) changed in place, as the next two are.
+        durations: (n,) seconds.
+        stated: (n,) bits of the axes that a block states.
+
+    Returns:
+        (n,) the blocks that are left.
+    """
+    turned = where_moved(len(blocks.rows), paths)
+    turns = np.flatnonzero(blocks.outputs & turned)
+    waiting = turns[blocks.kinds[np.minimum(turns + 1, len(blocks.kinds) - 1)] == Kind.DWELL]
+    kinds[turns] = Kind.LINEAR
+    durations[waiting] = blocks.pauses[waiting + 1]
+    kept = np.ones(len(kinds), dtype=bool)
+    kept[waiting + 1] = False
+    # Where an axis is only stated again, that belongs to the next block.
+    again = blocks.outputs & ~turned
+    for path in paths:
+        again[path.blocks[:1]] = False
+    restated = np.flatnonzero(again)
+    kept[restated] = False
+    following = np.flatnonzero(kept)
+    place = np.searchsorted(following, restated)
+    np.bitwise_or.at(stated, following[place[place < len(following)]], stated[restated[place < len(following)]])
+    return kept
 
 
 def _courses(comments: Sequence[Comment], blocks: Blocks) -> NDArray[np.int32]:

@@ -31,7 +31,7 @@ class Words:
 
     Attributes:
         source: the text they are from.
-        letters: (m,) address of each word: its letter, or a code from _EXTENDED on.
+        letters: (m,) address of each word: its letter, or a code from EXTENDED on.
         values: (m,) the number after it.
         lines: (m,) line of each word, from 0.
         firsts: (lines + 1,) index of each line's first word.
@@ -112,6 +112,17 @@ def words_of(source: Source, controller: Controller) -> Words:
     return words
 
 
+def extended_addresses(controller: Controller) -> list[str]:
+    """Return the addresses of more than one letter, in the order of the table."""
+    return [axis.address for axis in controller.axes if len(axis.address) > 1]
+
+
+def letter_of(address: str, controller: Controller) -> int:
+    """Byte that stands for an address."""
+    extended = extended_addresses(controller)
+    return EXTENDED + extended.index(address) if address in extended else ord(address)
+
+
 def shown_letter(letter: int, extended: Sequence[str]) -> str:
     """Return the address as the program writes it, for a letter that may stand for an extended one."""
     return extended[letter - EXTENDED] if letter >= EXTENDED else chr(letter)
@@ -190,14 +201,3 @@ def _eight_digits(digits: Eights) -> Eights:
     pairs = (digits * np.uint64(10) + (digits >> np.uint64(8))) & np.uint64(0x00FF00FF00FF00FF)
     fours = (pairs * np.uint64(100) + (pairs >> np.uint64(16))) & np.uint64(0x0000FFFF0000FFFF)
     return (fours * np.uint64(10000) + (fours >> np.uint64(32))) & np.uint64(0xFFFFFFFF)
-
-
-def letter_of(address: str, controller: Controller) -> int:
-    """Byte that stands for an address."""
-    extended = extended_addresses(controller)
-    return EXTENDED + extended.index(address) if address in extended else ord(address)
-
-
-def extended_addresses(controller: Controller) -> list[str]:
-    """Return the addresses of more than one letter, in the order of the table."""
-    return [axis.address for axis in controller.axes if len(axis.address) > 1]

@@ -58,6 +58,8 @@ JUDGES = (
 )
 PLANNERS = (
     "tapelayer.laying.program",
+    "tapelayer.laying.course_blocks",
+    "tapelayer.laying.driven_course",
     "tapelayer.laying.linearisation",
     "tapelayer.laying.cut_assignment",
     "tapelayer.laying.tape_plan",
@@ -68,6 +70,7 @@ PLANNERS = (
     "tapelayer.spraying.smoothing",
     "tapelayer.spraying.wrist_path",
     "tapelayer.motion.stroke",
+    "tapelayer.motion.planned_blocks",
     "post",
 )
 # Imports the web server's packages, which come with an extra, where they are asked for.

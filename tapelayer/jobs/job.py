@@ -18,7 +18,8 @@ from tapelayer.arrays import Floats
 from tapelayer.errors import VerificationFailed
 from tapelayer.jobs.stages import READING_BACK, VERIFYING, VERIFYING_PLAN, WRITING
 from tapelayer.machines.machine import Machine
-from tapelayer.motion.trajectory import Trajectory
+from tapelayer.motion.time_law import Limits
+from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
 from tapelayer.provenance import Provenance
 from tapelayer.setups.sections import JobSetup
@@ -133,6 +134,10 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
     ) -> JobResult[Evidence]:
         """Return what became of the job."""
 
+    def levels(self) -> Mapping[Event, float]:
+        """Return the values that are written beside switching words."""
+        return {}
+
     def make(self, name: str, steps: Steps = UNSEEN) -> JobResult[Evidence]:
         """Plan, write, read back and judge a program; `JobResult.failure` says whether it may be used.
 
@@ -187,7 +192,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
 
     def text(self, planned: Verified[Evidence]) -> bytes:
         """Return the NC text of a verified trajectory."""
-        return program.write(planned, self.controller, self.provenance)
+        return program.write(planned, self.controller, self.provenance, self.levels())
 
     def read_back(self, text: bytes, name: str) -> reader.Program:
         """Return what an NC text says.
@@ -195,8 +200,8 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         Raises:
             ProgramRefused: the text cannot be read.
         """
-        speeds = {axis: self.machine.axis(axis).speed for axis in self.axes}
-        return reader.read(text, self.controller, self.axes, speeds, name)
+        limits = Limits.of([self.machine.axis(name) for name in self.axes])
+        return reader.read(text, self.controller, self.axes, limits, name)
 
     def verify(self, trajectory: Trajectory, tick: Tick = silent) -> Verified[Evidence]:
         """Return a trajectory that was read back from NC text as a verified one.

@@ -104,8 +104,8 @@ class Job(MachineJob[None, Evidence]):
             TapelayerError: the job cannot be done on this machine.
         """
         steps.begin(PLANNING.name, self.parts)
-        alone = frozenset(joint for axis in self.controller.axes if axis.alone for joint in axis.joints)
-        return None, plan(self.courses, self.setup, self.machine, alone, steps.tick)
+        exclusive = frozenset(joint for axis in self.controller.axes if axis.alone for joint in axis.joints)
+        return None, plan(self.courses, self.setup, self.machine, exclusive, steps.tick)
 
     def basis(self, steps: Steps) -> None:
         """Return nothing: the courses themselves are what a program is judged by."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Mask
+from tapelayer.arrays import Floats, Mask, SampleTable
 from tapelayer.errors import PoseUndefined
 from tapelayer.geometry.curves import Curve
 from tapelayer.geometry.toolpath import Toolpath
@@ -20,7 +20,7 @@ SHORTEST_BLOCK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class Poses(SampleTable):
     """The gantry along a course.
 
     Attributes:
@@ -34,37 +34,32 @@ class Poses:
     wrap: Floats
 
 
+@dataclass(frozen=True, eq=False)
 class CourseMotion:
     """A course as the gantry moves along it.
 
-    Args:
-        toolpath: in `machine` axes.
-        lengths: of the head.
-        kinematics: the closed form in use.
-        wrap_radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
-
     Attributes:
+        toolpath: in `machine` axes.
         curve: of the course.
+        lengths: of the head.
+        form: the closed form in use.
+        exact: whether it leads the roller's centre over the surface and holds its axis; the paper's leads its nose.
+        wrap_radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
         at_points: poses at the file's points.
-
-    Raises:
-        PoseUndefined: a point has no roller pose.
     """
 
-    def __init__(
-        self, toolpath: Toolpath, lengths: gantry.Lengths, kinematics: gantry.Kinematics, wrap_radius: float
-    ) -> None:
-        self.toolpath = toolpath
-        self.curve = Curve(toolpath)
-        self.wrap_radius = wrap_radius
-        self._lengths = lengths
-        self._form = gantry.closed_form(lengths, kinematics, toolpath.points[0], toolpath.points[-1])
-        # The exact form leads the roller's centre over the surface and holds its axis; the paper's leads its nose.
-        self._exact = kinematics == "roller"
-        self._lift = lengths.radius if self._exact else 0.0
-        joints, wrap = self._solve(self.curve.knots, *self.curve.at_knots())
-        joints[:, 3] = np.unwrap(joints[:, 3])
-        self.at_points = Poses(self.curve.knots, joints, wrap)
+    toolpath: Toolpath
+    curve: Curve
+    lengths: gantry.Lengths
+    form: gantry.ClosedForm
+    exact: bool
+    wrap_radius: float
+    at_points: Poses
+
+    @property
+    def lift(self) -> float:
+        """Metres from the surface to the tool point that the closed form leads."""
+        return self.lengths.radius if self.exact else 0.0
 
     def poses(self, arc_lengths: Floats) -> Poses:
         """Poses at (n,) arc lengths in metres, increasing.
@@ -72,22 +67,11 @@ class CourseMotion:
         Raises:
             PoseUndefined: a point has no roller pose.
         """
-        joints, wrap = self._solve(arc_lengths, *self.curve.at(arc_lengths))
+        joints, wrap = _solved(self.form, self.toolpath, arc_lengths, *self.curve.at(arc_lengths))
         # Every sample goes to the turn of the file's points around it.
         near = np.interp(arc_lengths, self.curve.knots, self.at_points.joints[:, 3])
         joints[:, 3] += np.round((near - joints[:, 3]) / (2 * np.pi)) * (2 * np.pi)
         return Poses(arc_lengths, joints, wrap)
-
-    def _solve(self, arc_lengths: Floats, points: Floats, normals: Floats, tangents: Floats) -> tuple[Floats, Floats]:
-        joints = self._form.joints(points, normals, tangents)
-        lost = np.flatnonzero(~np.all(np.isfinite(joints), axis=1))
-        if len(lost):
-            point = self.point(float(arc_lengths[lost[0]]))
-            raise PoseUndefined(
-                f"course {self.toolpath.number} point {point}: the roller has no pose here, because the path runs "
-                "along the normal or the roller axis would be vertical; expected a path that lies on the surface"
-            )
-        return joints, gantry.wrap(joints, tangents)
 
     def deviations(self, joints: Floats, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
         """How far joint values (n, 5) are from the course at (n,) arc lengths.
@@ -96,9 +80,9 @@ class CourseMotion:
             (n,) tool point, metres; (n,) roller axis, radians; (n,) wrap angles at these joint values, radians.
         """
         points, normals, tangents = self.curve.at(arc_lengths)
-        shift = gantry.tool_points(self._lengths, self._lengths.l6 - self._lift, joints) - points - self._lift * normals
+        shift = gantry.tool_points(self.lengths, self.lengths.l6 - self.lift, joints) - points - self.lift * normals
         wraps = gantry.wrap(joints, tangents)
-        if not self._exact:
+        if not self.exact:
             return _norms(shift), np.zeros(len(joints)), wraps
         square = np.cross(tangents, normals)
         turn = gantry.roller_axes(joints) - square / _norms(square)[:, None]
@@ -106,12 +90,50 @@ class CourseMotion:
 
     def effects(self, joints: Floats, changes: Floats) -> tuple[Floats, Floats]:
         """What small changes (n, 5) of joint values (n, 5) do: (n,) to the tool point, (n,) to the roller axis."""
-        shift, turn = gantry.tool_effects(self._lengths, self._lengths.l6 - self._lift, joints, changes)
-        return _norms(shift), _norms(turn) if self._exact else np.zeros(len(joints))
+        shift, turn = gantry.tool_effects(self.lengths, self.lengths.l6 - self.lift, joints, changes)
+        return _norms(shift), _norms(turn) if self.exact else np.zeros(len(joints))
 
-    def point(self, arc_length: float) -> int:
-        """Number (from 1) of the file's point nearest to an arc length in metres."""
-        return int(np.argmin(np.abs(self.curve.knots - arc_length))) + 1
+
+def course_motion(
+    toolpath: Toolpath, lengths: gantry.Lengths, kinematics: gantry.Kinematics, wrap_radius: float
+) -> CourseMotion:
+    """Return a course as the gantry moves along it.
+
+    Args:
+        toolpath: in `machine` axes.
+        lengths: of the head.
+        kinematics: the closed form in use.
+        wrap_radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
+
+    Raises:
+        PoseUndefined: a point has no roller pose.
+    """
+    curve = Curve(toolpath)
+    form = gantry.closed_form(lengths, kinematics, toolpath.points[0], toolpath.points[-1])
+    joints, wrap = _solved(form, toolpath, curve.knots, *curve.at_knots())
+    joints[:, 3] = np.unwrap(joints[:, 3])
+    at_points = Poses(curve.knots, joints, wrap)
+    return CourseMotion(toolpath, curve, lengths, form, kinematics == "roller", wrap_radius, at_points)
+
+
+def nearest_point(toolpath: Toolpath, arc_length: float) -> int:
+    """Return the number (from 1) of the file's point nearest to an arc length in metres, 0 at the first point."""
+    return int(np.argmin(np.abs(toolpath.arc_lengths - toolpath.arc_lengths[0] - arc_length))) + 1
+
+
+def _solved(
+    form: gantry.ClosedForm, toolpath: Toolpath, arc_lengths: Floats, points: Floats, normals: Floats, tangents: Floats
+) -> tuple[Floats, Floats]:
+    """Joint values (n, 5) and wrap angles (n,) at arc lengths (n,) with their points, normals and tangents (n, 3)."""
+    joints = form.joints(points, normals, tangents)
+    lost = np.flatnonzero(~np.all(np.isfinite(joints), axis=1))
+    if len(lost):
+        point = nearest_point(toolpath, float(arc_lengths[lost[0]]))
+        raise PoseUndefined(
+            f"course {toolpath.number} point {point}: the roller has no pose here, because the path runs along the "
+            "normal or the roller axis would be vertical; expected a path that lies on the surface"
+        )
+    return joints, gantry.wrap(joints, tangents)
 
 
 def block_ends(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Poses:
@@ -185,9 +207,9 @@ def _split(motion: CourseMotion, ends: Floats, off: Mask) -> Floats:
     """Block ends with each block that is off split at the file's point nearest its middle, or in its middle."""
     begin, end = ends[:-1][off], ends[1:][off]
     if np.any(end - begin < SHORTEST_BLOCK):
-        worst = float(begin[np.argmin(end - begin)])
+        worst = nearest_point(motion.toolpath, float(begin[np.argmin(end - begin)]))
         raise PoseUndefined(
-            f"course {motion.toolpath.number} point {motion.point(worst)}: no block is short enough to keep the "
+            f"course {motion.toolpath.number} point {worst}: no block is short enough to keep the "
             "tolerances here; the path or its normals have a kink"
         )
     middle = (begin + end) / 2

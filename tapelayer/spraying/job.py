@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from post import program
-from post.controllers import Controller, load
+from post.controllers import load
 from tapelayer.arrays import Floats
 from tapelayer.errors import MeshRefused
 from tapelayer.geometry.mesh import Mesh, Unit
@@ -19,7 +18,7 @@ from tapelayer.geometry.stl import parse_mesh
 from tapelayer.jobs.job import JobResult, MachineJob, machine_of
 from tapelayer.jobs.stages import COATING, PLANNING, SLICING
 from tapelayer.machines.wrist import AXES
-from tapelayer.motion.trajectory import Trajectory
+from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import Steps
 from tapelayer.provenance import VERSION, Provenance
 from tapelayer.reporting.quantity import numbers
@@ -38,7 +37,6 @@ from tapelayer.spraying.quantities import ROWS, Judged
 from tapelayer.spraying.reach import Reach, placement
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import MM
-from tapelayer.verification.verified import Verified
 from urdf import SPRAYER
 
 
@@ -172,10 +170,10 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         """Return the judge of trajectories for these passes."""
         return SprayInspector(self.pass_plan.passes, plan.splits, self.mesh, self.setup, self.machine)
 
-    def text(self, planned: Verified[SprayEvidence]) -> bytes:
-        """Return the NC text of a verified trajectory."""
-        controller = _with_current(self.controller, self.setup.process.current_a)
-        return program.write(planned, controller, self.provenance)
+    def levels(self) -> dict[Event, float]:
+        """Return the current, where there is one, beside the word for the arc."""
+        current = self.setup.process.current_a
+        return {} if current is None else {Event.ARC_ON: current}
 
     def result(
         self,
@@ -236,11 +234,3 @@ class SprayResult(JobResult[SprayEvidence]):
     def poses(self) -> bytes:
         """Return the gun's poses in the part's frame, as a text file."""
         return trajectory_text(self.job.pass_plan.passes, self.planned.pieces, self.job.placement, self.job.provenance)
-
-
-def _with_current(controller: Controller, current: float | None) -> Controller:
-    """The controller with the current as S beside the word for the arc, where it reads an S that moves nothing."""
-    word = controller.events.get("arc_on", "")
-    if current is None or "S" not in controller.codes.no_effect or not word or " " in word:
-        return controller
-    return controller.model_copy(update={"events": {**controller.events, "arc_on": f"{word} S{current:g}"}})

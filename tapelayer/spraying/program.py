@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tapelayer.arrays import Floats, Ints, frozen
+from tapelayer.arrays import Floats, frozen
 from tapelayer.machines.machine import Machine
 from tapelayer.machines.wrist import AXES, gun_axes
-from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.motion.planned_blocks import PlannedBlocks, dwell_block, feed_blocks, rapid_blocks, switch_block
+from tapelayer.motion.time_law import Limits, at_speed, axis_times, feeds, rapids
+from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.spraying.passes import Pass, Split
 from tapelayer.spraying.reach import wrist_of
@@ -22,8 +23,9 @@ from tapelayer.units import MM
 
 # A way between passes keeps the arc on only if the axes can follow at this share of the gun's speed.
 SLOWEST = 0.5
-# A block is called slow where an axis takes longer than the gun would by more than this share.
+# A block is slow where an axis takes longer than the gun would by more than this share.
 _SLOW = 1e-3
+_EVERY_AXIS = (1 << len(AXES)) - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,7 @@ class Spraying:
 
 
 def spray(passes: Sequence[Pass], setup: SpraySetup, machine: Machine, highest: float, tick: Tick = silent) -> Spraying:
-    """Program of passes: every pass approached, sprayed and left, or linked to the next with the arc on.
+    """Return the program of passes: every pass approached, sprayed and left, or linked to the next with the arc on.
 
     Args:
         passes: in the order in which they are sprayed.
@@ -92,11 +94,11 @@ def spray(passes: Sequence[Pass], setup: SpraySetup, machine: Machine, highest: 
     """
     wrist = wrist_of(setup, machine)
     theta = min(max(0.0, wrist.theta.lower), wrist.theta.upper)
-    program = _Program(setup, machine, highest)
     splits: list[Split] = []
-    for index, found in enumerate(passes):
-        path = found.path
-        followed = follow(wrist, path.normals, path.arc_lengths, found.leans, theta)
+    sprayed: list[SprayedPass] = []
+    for index, planned in enumerate(passes):
+        path = planned.path
+        followed = follow(wrist, path.normals, path.arc_lengths, planned.leans, theta)
         theta = float(followed.theta[-1])
         joints = np.column_stack([path.points[followed.points], followed.theta, followed.phi])
         arcs = path.arc_lengths[followed.points]
@@ -108,135 +110,63 @@ def spray(passes: Sequence[Pass], setup: SpraySetup, machine: Machine, highest: 
         for reason, piece in zip(followed.reasons, pieces[1:], strict=True):
             x, y, z = piece.joints[0, :3].tolist()
             splits.append(Split(path.number, (x, y, z), reason))
-        program.add(found, [piece for piece in pieces if piece.arc_lengths[-1] > piece.arc_lengths[0]])
+        sprayed.append(SprayedPass(index, planned, tuple(p for p in pieces if p.arc_lengths[-1] > p.arc_lengths[0])))
         tick()
-    return Spraying(program.finished(), tuple(program.pieces), tuple(splits), tuple(program.slowdowns))
+    axes = [machine.axis(name) for name in AXES]
+    gun = Gun(
+        setup=setup,
+        limits=Limits.of(axes),
+        lower=np.array([axis.lower for axis in axes[:3]]),
+        upper=np.array([axis.upper for axis in axes[:3]]),
+        height=min(highest + setup.spray.retract_mm * MM, axes[2].upper),
+    )
+    return Spraying(
+        trajectory=_trajectory(gun, [each for each in sprayed if each.pieces]),
+        pieces=tuple(piece for each in sprayed for piece in each.pieces),
+        splits=tuple(splits),
+        slowdowns=tuple(slow for each in sprayed if (slow := _slowest(gun, each))),
+    )
 
 
-class _Program:
-    """Blocks of a program as they are added, pass by pass."""
+@dataclass(frozen=True, eq=False)
+class SprayedPass:
+    """A pass as it is sprayed.
 
-    def __init__(self, setup: SpraySetup, machine: Machine, highest: float) -> None:
-        self.setup = setup
-        axes = [machine.axis(name) for name in AXES]
-        self.speeds = np.array([axis.speed for axis in axes])
-        self.lower, self.upper = (np.array([getattr(axis, end) for axis in axes[:3]]) for end in ("lower", "upper"))
-        self.height = min(highest + setup.spray.retract_mm * MM, float(self.upper[2]))
-        self.at = np.full(len(AXES), np.nan)
-        self.before: Pass | None = None
-        self.pieces: list[Piece] = []
-        self.slowdowns: list[Slowdown] = []
-        self._joints: list[Floats] = []
-        self._kinds: list[NDArray[np.uint8]] = []
-        self._durations: list[Floats] = []
-        self._events: list[NDArray[np.uint8]] = []
-        self._courses: list[Ints] = []
-        self._stated: list[tuple[int, int]] = []
-        self._count = 0
+    Attributes:
+        index: of the pass, from 0.
+        planned: the pass.
+        pieces: those of it that are longer than nothing, in order.
+    """
 
-    def add(self, found: Pass, pieces: Sequence[Piece]) -> None:
-        """Add the blocks of one pass in its pieces."""
-        slowest: Slowdown | None = None
-        for row, piece in enumerate(pieces):
-            start = piece.joints[0]
-            if row:
-                self._switch(piece.index, Event.ARC_OFF)
-                self._feed(piece.index, self._drawn_off(self.at)[None])
-                self._rapid(piece.index, self._drawn_off(start))
-                self._feed(piece.index, start[None])
-                self._switch(piece.index, Event.ARC_ON)
-            elif not self._linked(found, piece):
-                self._leave(found)
-                self._reach(piece)
-            slow = self._sprayed(found, piece)
-            slowest = slow if slowest is None or (slow and slow.speed < slowest.speed) else slowest
-            self.pieces.append(piece)
-        if slowest:
-            self.slowdowns.append(slowest)
-        self.before = found
+    index: int
+    planned: Pass
+    pieces: tuple[Piece, ...]
 
-    def finished(self) -> Trajectory:
-        """The program, once the gun is drawn off and arc and air are off."""
-        self._off(len(self._courses) and int(self._courses[-1][-1]))
-        joints = np.vstack(self._joints)
-        stated = np.zeros(len(joints), dtype=np.uint16)
-        for block, bits in self._stated:
-            stated[block] = bits
-        return Trajectory(
-            axes=AXES,
-            start=np.full(len(AXES), np.nan),
-            positions=joints,
-            kinds=np.concatenate(self._kinds),
-            durations=np.concatenate(self._durations),
-            events=np.concatenate(self._events),
-            courses=np.concatenate(self._courses).astype(np.int32),
-            stated=stated,
-            lines=np.zeros(len(joints), dtype=np.int32),
-        )
 
-    def _linked(self, found: Pass, piece: Piece) -> bool:
-        """Go straight on to a pass that is near, with the arc on; whether it is."""
-        before, start = self.before, piece.joints[0]
-        if before is None or before.layer != found.layer:
-            return False
-        way = float(np.linalg.norm(start[:3] - self.at[:3]))
-        turning = float(np.max(np.abs(start - self.at) / self.speeds))
-        if not (0.0 < way <= self.setup.spray.max_gap_mm * MM and turning * SLOWEST <= way / self.setup.speed):
-            return False
-        self._state_all()
-        steps = max(math.ceil(way / (self.setup.spray.max_point_spacing_mm * MM) - 1e-9), 1)
-        self._feed(piece.index, np.linspace(self.at, start, steps + 1)[1:])
-        return True
+@dataclass(frozen=True, eq=False)
+class Gun:
+    """What all passes of a program have in common, and the blocks that they are made of.
 
-    def _leave(self, found: Pass) -> None:
-        """Go away from the last pass, if there is one; between layers, wait or stop."""
-        if self.before is None:
-            return
-        last = int(self._courses[-1][-1])
-        self._off(last)
-        if self.before.layer != found.layer:
-            if self.setup.spray.interlayer_dwell_s:
-                self._block(last, self.at, Kind.DWELL, self.setup.spray.interlayer_dwell_s)
-            if self.setup.spray.interlayer_stop:
-                self._switch(last, Event.STOP)
+    Attributes:
+        setup: the job's values.
+        limits: of `AXES`.
+        lower: (3,) lower ends of the travel of x, y, z, metres.
+        upper: (3,) upper ends, metres.
+        height: of axis z on the way from pass to pass, metres, where the ends of the way are not higher.
+    """
 
-    def _reach(self, piece: Piece) -> None:
-        """Go to the start of a pass above the part, and switch on."""
-        start = piece.joints[0]
-        approach = self._drawn_off(start)
-        up, over = self.at.copy(), approach.copy()
-        up[2] = over[2] = max(self.height, float(np.nanmax([self.at[2], approach[2]])))
-        self._stated.append((self._count, 1 << AXES.index("z")))
-        self._rapid(piece.index, up)
-        self._state_all()
-        self._rapid(piece.index, over)
-        self._rapid(piece.index, approach)
-        self._feed(piece.index, start[None])
-        self._switch(piece.index, Event.AIR_ON)
-        if self.setup.process.air_lead_s:
-            self._block(piece.index, start, Kind.DWELL, self.setup.process.air_lead_s)
-        self._switch(piece.index, Event.ARC_ON)
+    setup: SpraySetup
+    limits: Limits
+    lower: Floats
+    upper: Floats
+    height: float
 
-    def _off(self, index: int) -> None:
-        """Switch off and draw the gun off."""
-        self._switch(index, Event.ARC_OFF)
-        self._switch(index, Event.AIR_OFF)
-        self._feed(index, self._drawn_off(self.at)[None])
+    def fed(self, begin: Floats, nodes: Floats) -> PlannedBlocks:
+        """Straight blocks from joint values (5,) through nodes (m, 5) at the gun's speed, or as fast as the axes go."""
+        ways = np.linalg.norm(np.diff(nodes[:, :3], axis=0, prepend=begin[None, :3]), axis=1)
+        return feed_blocks(begin, nodes, self.limits, at_speed(ways, self.setup.speed))
 
-    def _sprayed(self, found: Pass, piece: Piece) -> Slowdown | None:
-        """Go along a piece; its slowest place, where an axis holds the gun back."""
-        ways = np.abs(np.diff(piece.joints, axis=0)) / self.speeds
-        lengths = np.diff(piece.arc_lengths)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            speeds = lengths / np.maximum(np.max(ways, axis=1), lengths / self.setup.speed)
-        self._feed(piece.index, piece.joints[1:])
-        worst = int(np.nanargmin(speeds))
-        if not speeds[worst] < self.setup.speed * (1 - _SLOW):
-            return None
-        x, y, z = piece.joints[worst + 1, :3].tolist()
-        return Slowdown(found.path.number, (x, y, z), AXES[int(np.argmax(ways[worst]))], float(speeds[worst]))
-
-    def _drawn_off(self, joints: Floats) -> Floats:
+    def drawn_off(self, joints: Floats) -> Floats:
         """Joint values (5,) with P drawn off along the gun's axis as far as the travel permits."""
         axis = gun_axes(joints[3], joints[4])
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -246,34 +176,99 @@ class _Program:
         away[:3] += min(self.setup.spray.retract_mm * MM, room) * axis
         return np.concatenate([np.clip(away[:3], self.lower, self.upper), away[3:]])
 
-    def _state_all(self) -> None:
-        self._stated.append((self._count, (1 << len(AXES)) - 1))
+    def near(self, end: Floats, start: Floats) -> bool:
+        """Whether the gun may go on from joint values to joint values (5,) with the arc on."""
+        way = float(np.linalg.norm(start[:3] - end[:3]))
+        turning = float(rapids((start - end)[None], self.limits)[0])
+        if not 0.0 < way <= self.setup.spray.max_gap_mm * MM:
+            return False
+        return turning * SLOWEST <= at_speed(way, self.setup.speed)
 
-    def _feed(self, index: int, joints: Floats) -> None:
-        """Straight blocks to the joint values (m, 5) at the gun's speed, no axis faster than it may."""
-        steps = np.diff(np.vstack([self.at, joints]), axis=0)
-        times = np.maximum(
-            np.linalg.norm(steps[:, :3], axis=1) / self.setup.speed, np.max(np.abs(steps) / self.speeds, 1)
+    def linked(self, end: Floats, start: Floats) -> PlannedBlocks:
+        """Blocks from the end of a pass straight on to the start of the next, with the arc on."""
+        way = float(np.linalg.norm(start[:3] - end[:3]))
+        steps = max(math.ceil(way / (self.setup.spray.max_point_spacing_mm * MM) - 1e-9), 1)
+        return self.fed(end, np.linspace(end, start, steps + 1)[1:]).stating(0, _EVERY_AXIS)
+
+    def approached(self, begin: Floats, start: Floats) -> PlannedBlocks:
+        """Blocks above the part to the start of a pass, where air and arc go on; unknown joints of `begin` are NaN."""
+        approach = self.drawn_off(start)
+        up, over = begin.copy(), approach.copy()
+        up[2] = over[2] = max(self.height, float(np.nanmax([begin[2], approach[2]])))
+        way = rapid_blocks(begin, np.stack([up, over, approach]), self.limits)
+        lead = self.setup.process.air_lead_s
+        return PlannedBlocks.joined(
+            [
+                way.stating(0, 1 << AXES.index("z")).stating(1, _EVERY_AXIS),
+                self.fed(approach, start[None]),
+                switch_block(start, Event.AIR_ON),
+                *([dwell_block(start, lead)] if lead else []),
+                switch_block(start, Event.ARC_ON),
+            ]
         )
-        self._blocks(index, joints, np.full(len(joints), Kind.LINEAR, np.uint8), times)
 
-    def _rapid(self, index: int, joints: Floats) -> None:
-        # From where nothing is stated the time is not known: it counts as none.
-        times = np.nan_to_num(np.abs(joints - self.at) / self.speeds)
-        self._block(index, joints, Kind.RAPID, float(np.max(times)))
+    def sprayed(self, pieces: Sequence[Piece]) -> PlannedBlocks:
+        """Blocks along the pieces of a pass from the start of the first, the arc off between them."""
+        parts = [self.fed(pieces[0].joints[0], pieces[0].joints[1:])]
+        for before, piece in zip(pieces, pieces[1:], strict=False):
+            end, start = before.joints[-1], piece.joints[0]
+            left, approach = self.drawn_off(end), self.drawn_off(start)
+            parts += [
+                switch_block(end, Event.ARC_OFF),
+                self.fed(end, left[None]),
+                rapid_blocks(left, approach[None], self.limits),
+                self.fed(approach, start[None]),
+                switch_block(start, Event.ARC_ON),
+                self.fed(start, piece.joints[1:]),
+            ]
+        return PlannedBlocks.joined(parts)
 
-    def _switch(self, index: int, event: Event) -> None:
-        self._block(index, self.at, Kind.SWITCH, 0.0)
-        self._events[-1] = np.array([event], np.uint8)
+    def left(self, end: Floats, layer_done: bool) -> PlannedBlocks:
+        """Blocks that switch off and draw the gun off after a pass; between layers it waits or stops."""
+        away, spray = self.drawn_off(end), self.setup.spray
+        parts = [switch_block(end, Event.ARC_OFF), switch_block(end, Event.AIR_OFF), self.fed(end, away[None])]
+        if layer_done and spray.interlayer_dwell_s:
+            parts.append(dwell_block(away, spray.interlayer_dwell_s))
+        if layer_done and spray.interlayer_stop:
+            parts.append(switch_block(away, Event.STOP))
+        return PlannedBlocks.joined(parts)
 
-    def _block(self, index: int, joints: Floats, kind: Kind, duration: float) -> None:
-        self._blocks(index, joints[None], np.array([kind], np.uint8), np.array([duration]))
 
-    def _blocks(self, index: int, joints: Floats, kinds: NDArray[np.uint8], durations: Floats) -> None:
-        self._joints.append(joints)
-        self._kinds.append(kinds)
-        self._durations.append(durations)
-        self._events.append(np.zeros(len(joints), np.uint8))
-        self._courses.append(np.full(len(joints), index))
-        self._count += len(joints)
-        self.at = joints[-1]
+def _trajectory(gun: Gun, sprayed: Sequence[SprayedPass]) -> Trajectory:
+    """The program of passes that have pieces, in order, until the gun is drawn off and arc and air are off."""
+    parts: list[tuple[int, PlannedBlocks]] = []
+    at = np.full(len(AXES), np.nan)
+    for before, each in zip([None, *sprayed], sprayed, strict=False):
+        start = each.pieces[0].joints[0]
+        layer_done = before is not None and before.planned.layer != each.planned.layer
+        if before is not None and not layer_done and gun.near(at, start):
+            parts.append((each.index, gun.linked(at, start)))
+        else:
+            if before is not None:
+                parts.append((before.index, gun.left(at, layer_done)))
+                at = parts[-1][1].joints[-1]
+            parts.append((each.index, gun.approached(at, start)))
+        parts.append((each.index, gun.sprayed(each.pieces)))
+        at = each.pieces[-1].joints[-1]
+    parts.append((sprayed[-1].index, gun.left(at, layer_done=False)))
+    passes = np.repeat([index for index, _ in parts], [len(blocks) for _, blocks in parts])
+    return PlannedBlocks.joined([blocks for _, blocks in parts]).trajectory(AXES, passes)
+
+
+def _slowest(gun: Gun, sprayed: SprayedPass) -> Slowdown | None:
+    """The slowest place of a pass, where an axis holds the gun back."""
+    slow = [found for piece in sprayed.pieces if (found := _slowdown(gun, sprayed.planned.path.number, piece))]
+    return min(slow, key=lambda found: found.speed, default=None)
+
+
+def _slowdown(gun: Gun, number: int, piece: Piece) -> Slowdown | None:
+    """The slowest place of a piece of the pass with this number, where an axis holds the gun back."""
+    steps, lengths = np.diff(piece.joints, axis=0), np.diff(piece.arc_lengths)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speeds = lengths / feeds(steps, gun.limits, at_speed(lengths, gun.setup.speed))
+    worst = int(np.nanargmin(speeds))
+    if not speeds[worst] < gun.setup.speed * (1 - _SLOW):
+        return None
+    x, y, z = piece.joints[worst + 1, :3].tolist()
+    axis = AXES[int(np.argmax(axis_times(steps[worst], gun.limits)))]
+    return Slowdown(number, (x, y, z), axis, float(speeds[worst]))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tapelayer.arrays import Floats
 from tapelayer.errors import PoseUndefined
 from tapelayer.geometry.toolpath import Toolpath
-from tapelayer.laying.linearisation import CourseMotion, Poses, block_ends
+from tapelayer.laying.linearisation import CourseMotion, Poses, block_ends, course_motion
 from tapelayer.laying.placing import courses_in_machine
 from tapelayer.machines import gantry
 from tapelayer.machines.machine import Machine
@@ -26,7 +26,7 @@ ORIGIN = np.array([0.3, -1.9, -1.4])
 
 def motion_of(course: Toolpath, kinematics: gantry.Kinematics = "roller", radius: float | None = None) -> CourseMotion:
     path = courses_in_machine([course], setup_of())[0]  # type: ignore[list-item]
-    return CourseMotion(path, LENGTHS, kinematics, LENGTHS.radius if radius is None else radius)
+    return course_motion(path, LENGTHS, kinematics, LENGTHS.radius if radius is None else radius)
 
 
 def ends_of(motion: CourseMotion, tolerance: float = 2e-5, axis_tolerance: float = 0.005 * DEG) -> Poses:

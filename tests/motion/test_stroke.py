@@ -9,10 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tapelayer.motion.stroke import SAME_TIME, Stroke, StrokeBlocks
+from tapelayer.motion.planned_blocks import PlannedBlocks
+from tapelayer.motion.stroke import SAME_TIME, Stroke, Word, stroke_blocks
+from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Kind
 
-SPEEDS = np.array([0.5, 2.0])
+LIMITS = Limits(np.array([0.5, 2.0]))
 EVENTS = st.sampled_from([event for event in Event if event != Event.NONE])
 # Halves and quarters make words fall on nodes and on each other; a delay may reach before the beginning.
 NUMBERS = st.sampled_from([0.0, 0.25, 0.5, 1.0, 2.0]) | st.floats(-3.0, 3.0)
@@ -27,12 +29,12 @@ class Case:
 
     @property
     def stroke(self) -> Stroke:
-        stroke = Stroke.begun(self.nodes[0])
-        stroke.go(self.nodes[1:3], self.least[1:3], np.arange(1.0, len(self.nodes))[:2])
+        first = Stroke(self.nodes[:3], self.least[:3], np.arange(3.0)[: len(self.nodes)])
+        stroke = Stroke.begun(self.nodes[0]).then(first)
         for node in range(3, len(self.nodes)):
-            stroke.step(self.nodes[node], self.least[node], float(node))
+            stroke = stroke.to(self.nodes[node], self.least[node], float(node))
         for node, delay, event in self.words:
-            stroke.switch(event, delay, node)
+            stroke = stroke.switching(event, delay, node)
         return stroke
 
 
@@ -51,7 +53,7 @@ def node_times(case: Case) -> list[float]:
     """Seconds at the nodes, one after the other."""
     times = [0.0]
     for before, after, least in zip(case.nodes, case.nodes[1:], case.least[1:], strict=False):
-        ways = [abs(b - a) / speed for a, b, speed in zip(before, after, SPEEDS, strict=True)]
+        ways = [abs(b - a) / speed for a, b, speed in zip(before, after, LIMITS.speed, strict=True)]
         times.append(times[-1] + max(*ways, float(least)))
     return times
 
@@ -59,16 +61,16 @@ def node_times(case: Case) -> list[float]:
 @settings(deadline=None, max_examples=300)
 @given(cases())
 def test_nodes_are_reached_as_fast_as_the_axes_go(case: Case) -> None:
-    assert case.stroke.times(SPEEDS).tolist() == pytest.approx(node_times(case), abs=1e-12)
+    assert case.stroke.times(LIMITS).tolist() == pytest.approx(node_times(case), abs=1e-12)
     assert len(case.stroke) == len(case.nodes)
-    assert case.stroke.at.tolist() == case.nodes[-1].tolist()
+    assert case.stroke.end.tolist() == case.nodes[-1].tolist()
 
 
 @settings(deadline=None, max_examples=500)
 @given(cases())
 def test_rows_are_the_way_with_every_word_in_its_place(case: Case) -> None:
     times = node_times(case)
-    rows = case.stroke.rows(np.array(times))
+    rows = stroke_blocks(case.stroke, np.array(times))
     ends = np.cumsum(rows.durations)
     wait = max([0.0, *(delay - times[node] for node, delay, _ in case.words)])
     wait = wait if wait > SAME_TIME else 0.0
@@ -116,7 +118,7 @@ def where(case: Case, times: list[float], time: float) -> list[float]:
     return list(case.nodes[0] if time <= 0.0 else case.nodes[-1])
 
 
-def said(rows: StrokeBlocks) -> list[str]:
+def said(rows: PlannedBlocks) -> list[str]:
     """Blocks in a few signs: the way they go to, a wait, or a word."""
     texts = []
     for kind, joints, duration, event in zip(rows.kinds, rows.joints, rows.durations, rows.events, strict=True):
@@ -129,17 +131,17 @@ def there_and_back() -> Stroke:
     """Half a metre out in a second, a rest of a second, and back."""
     stroke = Stroke.begun(np.array([0.0, 0.0]))
     for place, least in ((0.5, 0.0), (0.5, 1.0), (0.0, 0.0)):
-        stroke.step(np.array([place, 0.0]), least)
+        stroke = stroke.to(np.array([place, 0.0]), least)
     return stroke
 
 
 def test_words_stand_at_their_nodes_in_the_order_in_which_they_were_given() -> None:
     stroke = there_and_back()
-    stroke.switch(Event.KNIFE_1_DOWN, 0.0, 1)
-    stroke.switch(Event.KNIFE_1_UP, 0.0, 2)
-    stroke.switch(Event.KNIFE_2_DOWN, 0.0, 1)
-    stroke.switch(Event.SHOE_UP, 0.0)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == [
+    stroke = stroke.switching(Event.KNIFE_1_DOWN, 0.0, 1)
+    stroke = stroke.switching(Event.KNIFE_1_UP, 0.0, 2)
+    stroke = stroke.switching(Event.KNIFE_2_DOWN, 0.0, 1)
+    stroke = stroke.switching(Event.SHOE_UP, 0.0)
+    assert said(stroke_blocks(stroke, stroke.times(LIMITS))) == [
         "to 0.5 1",
         "KNIFE_1_DOWN",
         "KNIFE_2_DOWN",
@@ -152,9 +154,9 @@ def test_words_stand_at_their_nodes_in_the_order_in_which_they_were_given() -> N
 
 def test_a_word_stands_ahead_of_its_effect_and_splits_the_block() -> None:
     stroke = there_and_back()
-    stroke.switch(Event.SHOE_UP, 0.25)
-    stroke.switch(Event.HEATER_OFF, 1.5)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == [
+    stroke = stroke.switching(Event.SHOE_UP, 0.25)
+    stroke = stroke.switching(Event.HEATER_OFF, 1.5)
+    assert said(stroke_blocks(stroke, stroke.times(LIMITS))) == [
         "to 0.5 1",
         "wait 0.5",
         "HEATER_OFF",
@@ -167,9 +169,9 @@ def test_a_word_stands_ahead_of_its_effect_and_splits_the_block() -> None:
 
 def test_the_head_waits_for_a_word_that_has_to_stand_before_it_sets_out() -> None:
     stroke = there_and_back()
-    stroke.switch(Event.KNIFE_1_DOWN, 0.5, 0)
-    stroke.switch(Event.SHOE_DOWN, 1.75, 1)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == [
+    stroke = stroke.switching(Event.KNIFE_1_DOWN, 0.5, 0)
+    stroke = stroke.switching(Event.SHOE_DOWN, 1.75, 1)
+    assert said(stroke_blocks(stroke, stroke.times(LIMITS))) == [
         "SHOE_DOWN",
         "wait 0.25",
         "KNIFE_1_DOWN",
@@ -183,28 +185,47 @@ def test_the_head_waits_for_a_word_that_has_to_stand_before_it_sets_out() -> Non
 def test_nodes_in_one_place_at_one_time_are_one() -> None:
     stroke = Stroke.begun(np.array([0.0, 0.0]))
     for place in (0.0, 0.5, 0.5):
-        stroke.step(np.array([place, 0.0]), 0.0)
-        stroke.switch(Event.ROLLER_DOWN, 0.0)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == ["ROLLER_DOWN", "to 0.5 1", "ROLLER_DOWN", "ROLLER_DOWN"]
+        stroke = stroke.to(np.array([place, 0.0]), 0.0)
+        stroke = stroke.switching(Event.ROLLER_DOWN, 0.0)
+    assert said(stroke_blocks(stroke, stroke.times(LIMITS))) == [
+        "ROLLER_DOWN",
+        "to 0.5 1",
+        "ROLLER_DOWN",
+        "ROLLER_DOWN",
+    ]
 
 
 def test_a_word_a_hair_from_a_node_stands_on_it() -> None:
     stroke = there_and_back()
-    stroke.switch(Event.KNIFE_1_DOWN, 1.0 + SAME_TIME / 2, 2)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == ["to 0.5 1", "KNIFE_1_DOWN", "wait 1", "to 0 1"]
+    stroke = stroke.switching(Event.KNIFE_1_DOWN, 1.0 + SAME_TIME / 2, 2)
+    assert said(stroke_blocks(stroke, stroke.times(LIMITS))) == ["to 0.5 1", "KNIFE_1_DOWN", "wait 1", "to 0 1"]
 
 
 def test_no_block_is_too_short_to_have_a_speed() -> None:
     """Words that rounding sets apart, and a node a hair farther on, are one boundary."""
     stroke = there_and_back()
-    stroke.step(np.array([1e-16, 0.0]), 0.0)
-    stroke.switch(Event.KNIFE_1_UP, 0.1 + 0.2, 3)
-    stroke.switch(Event.SHOE_UP, 0.3, 3)
-    rows = stroke.rows(stroke.times(SPEEDS))
+    stroke = stroke.to(np.array([1e-16, 0.0]), 0.0)
+    stroke = stroke.switching(Event.KNIFE_1_UP, 0.1 + 0.2, 3)
+    stroke = stroke.switching(Event.SHOE_UP, 0.3, 3)
+    rows = stroke_blocks(stroke, stroke.times(LIMITS))
     assert said(rows) == ["to 0.5 1", "wait 1", "to 0.15 0.7", "KNIFE_1_UP", "SHOE_UP", "to 1e-16 0.3"]
 
 
 def test_a_stroke_that_goes_nowhere_only_says_its_words() -> None:
     stroke = Stroke.begun(np.array([1.0, 2.0]))
-    stroke.switch(Event.STOP, 0.0)
-    assert said(stroke.rows(stroke.times(SPEEDS))) == ["STOP"]
+    stroke = stroke.switching(Event.STOP, 0.0)
+    assert said(stroke_blocks(stroke, stroke.times(LIMITS))) == ["STOP"]
+
+
+def test_a_stroke_goes_on_with_another_and_its_words() -> None:
+    begun = there_and_back().switching(Event.SHOE_UP, 0.25)
+    joined = begun.then(there_and_back().switching(Event.SHOE_DOWN, 0.0, 0).switching(Event.STOP, 0.5, 2))
+    assert joined.joints[:, 0].tolist() == [0.0, 0.5, 0.5, 0.0, 0.5, 0.5, 0.0]
+    assert joined.least.tolist() == [0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0]
+    assert joined.words == (Word(3, 0.25, Event.SHOE_UP), Word(3, 0.0, Event.SHOE_DOWN), Word(5, 0.5, Event.STOP))
+    assert begun.words == (Word(3, 0.25, Event.SHOE_UP),) and len(begun) == 4
+
+
+def test_a_strokes_arrays_are_read_only() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        there_and_back().end[0] = 1.0

@@ -16,6 +16,7 @@ from post.program import write
 from post.reader import read
 from tapelayer.laying.job import Job
 from tapelayer.laying.settings import Setup
+from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.provenance import Provenance
 
@@ -243,7 +244,7 @@ def test_written_arcs_read_back_onto_the_circle(
     trajectory = laid(points, u, times)
     controller = load(control)
     text = write(SimpleNamespace(trajectory=trajectory), controller, Provenance("a", "b", "c", "d"))  # type: ignore[arg-type]
-    path = read(text, controller, AXES, dict.fromkeys(AXES, 1.0), "p.nc").trajectory
+    path = read(text, controller, AXES, Limits(np.ones(len(AXES))), "p.nc").trajectory
     word = controller.codes.clockwise if clockwise else controller.codes.counterclockwise
     arc = np.flatnonzero(np.isin(path.kinds, (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     assert 1 <= len(arc) <= 2 and f"{controller.codes.planes[plane]} {word} ".encode() in text

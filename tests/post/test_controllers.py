@@ -7,7 +7,9 @@ import pytest
 from pydantic import ValidationError
 
 import post.controllers
-from post.controllers import ArcRule, AxisWord, Blocks, Codes, Controller, Feed, load, names, parse
+from post.controllers import Controller, load, names
+from post.controllers.parsing import parse
+from post.controllers.table import ArcRule, AxisWord, Blocks, Codes, Feed
 from tapelayer.errors import ControllerRefused
 from tapelayer.motion.trajectory import Event
 

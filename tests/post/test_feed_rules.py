@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from post.controllers import Controller, load, parse
+from post.controllers import Controller, load
+from post.controllers.parsing import parse
 from post.program import write
 from post.reader import read
 from tapelayer.courses.course_file import read_courses
 from tapelayer.laying.program import plan
 from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
+from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.provenance import Provenance
 from tests.helpers.paths import ROOT
@@ -120,11 +122,10 @@ def planned(courses: Path) -> tuple[Trajectory, Machine]:
 def test_block_times_of_the_text_add_up_to_the_planned_duration(courses: Path) -> None:
     trajectory, machine = planned(courses)
     units = {axis.name: axis.speed * (180 / np.pi if axis.revolute else 1e3) for axis in machine.axes}
-    speeds = {axis.name: axis.speed for axis in machine.axes}
     for control in LAY:
         text = write(SimpleNamespace(trajectory=trajectory), load(control), MADE_FROM)  # type: ignore[arg-type]
         assert seconds_of(text.decode("ascii"), control, units) == pytest.approx(trajectory.duration, rel=1e-3)
-        back = read(text, load(control), machine.names, speeds, "p.nc").trajectory
+        back = read(text, load(control), machine.names, Limits.of(machine.axes), "p.nc").trajectory
         assert back.duration == pytest.approx(seconds_of(text.decode("ascii"), control, units), rel=1e-9)
 
 
@@ -139,8 +140,8 @@ def changed(control: str, *changes: tuple[str, str]) -> Controller:
 def durations(controller: Controller, axes: str, text: str) -> list[float]:
     """Seconds of the blocks after the first, which states the axes."""
     joints = tuple(next(word.joints[0] for word in controller.axes if word.address[0] == axis) for axis in axes)
-    speeds = dict.fromkeys(joints, 1.0)
-    return read(text.encode(), controller, joints, speeds, "p.nc").trajectory.durations[1:].tolist()
+    limits = Limits(np.ones(len(joints)))
+    return read(text.encode(), controller, joints, limits, "p.nc").trajectory.durations[1:].tolist()
 
 
 # X, A, and the seconds of the manual's example; 8.49 s is the root of 10 mm and 10 deg squared.

@@ -26,6 +26,7 @@ from tapelayer.errors import AxisBeyondTravel, ProgramRefused
 from tapelayer.laying.program import plan
 from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
+from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.provenance import Provenance
 from tests.helpers.paths import EXAMPLES, SHARED
@@ -151,8 +152,7 @@ def nine_of(trajectory: Trajectory, control: str) -> np.ndarray:
 def test_the_interpreter_reads_every_block_as_we_do(folder: Path, courses: Path, control: str) -> None:
     trajectory, machine = planned(courses.read_bytes(), setup_of(courses), control)
     text = text_of(trajectory, control, "msg, (debug, x).txt")
-    speeds = {axis.name: axis.speed for axis in machine.axes}
-    ours = read(text, load(control), machine.names, speeds, "p.nc").trajectory
+    ours = read(text, load(control), machine.names, Limits.of(machine.axes), "p.nc").trajectory
     theirs = interpreted(folder, text, remap_ini(folder) if control == "linuxcnc_remap" else "")
     lines = text.decode("ascii").splitlines()
     moves = np.isin(ours.kinds, (Kind.RAPID, Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE))
@@ -196,8 +196,8 @@ def test_the_interpreter_reads_arcs_as_we_do(folder: Path) -> None:
 
 
 def read_arcs(text: bytes) -> np.ndarray:
-    joints = Machine.load().names
-    kinds = read(text, load("linuxcnc"), joints, dict.fromkeys(joints, 1.0), "p.nc").trajectory.kinds
+    machine = Machine.load()
+    kinds = read(text, load("linuxcnc"), machine.names, Limits.of(machine.axes), "p.nc").trajectory.kinds
     return np.isin(kinds, (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE))
 
 
@@ -217,7 +217,7 @@ def test_what_the_interpreter_refuses_we_refuse(folder: Path, block: str, words:
     with pytest.raises(RuntimeError, match=f"(?i){words}"):
         interpreted(folder, f"G21\n{state}{block}\nM2\n".encode())
     with pytest.raises(ProgramRefused, match=f"(?i){words}"):
-        read(f"G21\n{state}{block}\nM2\n".encode(), load("linuxcnc"), joints, dict.fromkeys(joints, 1.0), "p.nc")
+        read(f"G21\n{state}{block}\nM2\n".encode(), load("linuxcnc"), joints, Limits(np.ones(len(joints))), "p.nc")
 
 
 def test_the_papers_letters_need_their_remap(folder: Path) -> None:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from post.controllers import Controller, load, parse
+from post.controllers import Controller, load
+from post.controllers.parsing import parse
 from post.program import write
 from tapelayer.errors import ControllerRefused, NotWritable
 from tapelayer.motion.trajectory import Event, Kind, Trajectory

@@ -10,11 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from post.controllers import Controller, load, parse
+from post.controllers import Controller, load
+from post.controllers.parsing import parse
 from post.program import write
 from post.reader import Program, read
 from post.source import Comment
 from tapelayer.errors import ControllerRefused, ProgramRefused
+from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.provenance import Provenance
 from tests.helpers.paths import DATA, ROOT
@@ -23,13 +25,14 @@ GOLDEN = DATA / "nc"
 TEN_AXES = ("x", "y", "z", "c", "a", "u", "v", "d", "q", "e")
 REVOLUTE = ("c", "a", "d", "e")
 # mm/s and deg/s, as numbers that nothing else in the tests has.
-SPEEDS = {axis: (np.pi / 2 if axis in REVOLUTE else 0.5) for axis in TEN_AXES}
+LIMITS = Limits(np.array([np.pi / 2 if axis in REVOLUTE else 0.5 for axis in TEN_AXES]))
 STATE = "G00 X0 Y0 Z0 A0 C0 U0 V0 Q0 D0 E0\n"
 
 
 def parsed(text: str | bytes, controller: Controller | None = None, axes: tuple[str, ...] = TEN_AXES) -> Program:
     data = text.encode("utf-8") if isinstance(text, str) else text
-    return read(data, controller or load("jb3208"), axes, SPEEDS, "p.nc")
+    limits = Limits(LIMITS.speed[: len(axes)])
+    return read(data, controller or load("jb3208"), axes, limits, "p.nc")
 
 
 def blocks(text: str, **kwargs: Any) -> Trajectory:
@@ -484,7 +487,7 @@ def test_what_is_written_reads_back_as_the_rounded_trajectory(
         np.zeros(len(rows), dtype=np.int32),
     )
     text = write(SimpleNamespace(trajectory=trajectory), controller, Provenance("a", "b", "c", "d"))  # type: ignore[arg-type]
-    path = read(text, controller, TEN_AXES, SPEEDS, "p.nc").trajectory
+    path = read(text, controller, TEN_AXES, LIMITS, "p.nc").trajectory
     # What stands alone is stated in a block of its own first.
     stated_in = 1 if controller.name == "linuxcnc" else 0
     exact = np.array(whole) / 1000

@@ -29,6 +29,7 @@ from tapelayer.courses.course_file import format_courses, parse_courses
 from tapelayer.errors import CourseFileRefused
 from tapelayer.jobs.job import machine_of
 from tapelayer.laying.settings import Setup
+from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.setups.sections import parse_setup
 from tests.helpers.browsing import LARGE, SCREENSHOTS, SMALL, Person, api, chromium
@@ -86,9 +87,8 @@ class Made:
         self.text: bytes = person.get(f"{path}/program").body()
         self.lines = self.text.decode().splitlines()
         self.machine = machine_of(self.setup, TAPELAYER)
-        speeds = {axis.name: axis.speed for axis in self.machine.axes}
-        controller = load(self.setup.output.controller)
-        self.trajectory: Trajectory = reader.read(self.text, controller, self.machine.names, speeds, "a.nc").trajectory
+        controller, limits = load(self.setup.output.controller), Limits.of(self.machine.axes)
+        self.trajectory: Trajectory = reader.read(self.text, controller, self.machine.names, limits, "a.nc").trajectory
         self.values = self.shown(self.trajectory.positions)
         self.first = int(np.flatnonzero(np.isfinite(self.values).all(axis=1))[0])
 

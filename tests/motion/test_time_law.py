@@ -1,0 +1,82 @@
+"""The time law against hand values, and what must hold of any law of its kind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tapelayer.machines.machine import Machine
+from tapelayer.motion.time_law import Limits, at_speed, axis_times, by_feed_word, feeds, rapids
+
+LIMITS = Limits(np.array([0.5, 2.0, 0.25]))
+STEPS = arrays(np.float64, (4, 3), elements=st.floats(-10.0, 10.0))
+LEAST = arrays(np.float64, 4, elements=st.floats(0.0, 10.0))
+
+
+def test_a_rapid_takes_what_its_slowest_axis_takes() -> None:
+    steps = np.array([[1.0, 1.0, 0.0], [-0.1, 3.0, 0.25], [0.0, 0.0, 0.0]])
+    assert rapids(steps, LIMITS).tolist() == [2.0, 1.5, 0.0]
+    assert axis_times(steps, LIMITS).tolist() == [[2.0, 0.5, 0.0], [0.2, 1.5, 1.0], [0.0, 0.0, 0.0]]
+    assert rapids(np.zeros((0, 3)), LIMITS).shape == (0,)
+
+
+def test_a_rapid_from_where_nothing_is_stated_counts_as_none() -> None:
+    steps = np.array([[np.nan, np.nan, np.nan], [np.nan, 1.0, np.nan]])
+    assert rapids(steps, LIMITS).tolist() == [0.0, 0.5]
+
+
+def test_a_feed_takes_what_is_asked_unless_an_axis_needs_longer() -> None:
+    steps = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    assert feeds(steps, LIMITS, np.array([0.0, 3.0, 0.75])).tolist() == [2.0, 3.0, 0.75]
+    assert feeds(np.zeros((0, 3)), LIMITS, np.zeros(0)).shape == (0,)
+
+
+def test_lengths_at_a_set_speed() -> None:
+    assert at_speed(3.0, 0.25) == 12.0
+    assert at_speed(np.array([0.0, 0.5]), 0.25).tolist() == [0.0, 2.0]
+
+
+def test_a_feed_word_is_units_per_minute_or_one_over_the_minutes() -> None:
+    lengths, words = np.array([100.0, 100.0]), np.array([1200.0, 30.0])
+    assert by_feed_word(lengths, words, np.array([False, True])).tolist() == [5.0, 2.0]
+
+
+def test_limits_are_those_of_the_axes_in_their_order() -> None:
+    machine = Machine.load().with_limits({}, {"y": 0.125})
+    limits = Limits.of([machine.axis("y"), machine.axis("c")])
+    assert limits.speed.tolist() == [0.125, machine.axis("c").speed]
+    with pytest.raises(ValueError, match="read-only"):
+        limits.speed[0] = 1.0
+
+
+@given(STEPS, LEAST, st.sampled_from([0.25, 0.5, 2.0, 8.0]))
+def test_distances_scale_times(steps: np.ndarray, least: np.ndarray, share: float) -> None:
+    np.testing.assert_allclose(rapids(steps * share, LIMITS), rapids(steps, LIMITS) * share, atol=1e-300)
+    scaled = feeds(steps * share, LIMITS, least * share)
+    np.testing.assert_allclose(scaled, feeds(steps, LIMITS, least) * share, atol=1e-300)
+
+
+@given(STEPS)
+def test_limits_twice_as_high_halve_the_time(steps: np.ndarray) -> None:
+    twice = Limits(LIMITS.speed * 2.0)
+    np.testing.assert_allclose(rapids(steps, twice), rapids(steps, LIMITS) / 2.0, atol=1e-300)
+    none = np.zeros(4)
+    np.testing.assert_allclose(feeds(steps, twice, none), feeds(steps, LIMITS, none) / 2.0, atol=1e-300)
+
+
+@given(STEPS, LEAST)
+def test_no_axis_exceeds_its_limit_and_one_reaches_it_where_nothing_else_is_asked(
+    steps: np.ndarray, least: np.ndarray
+) -> None:
+    times = feeds(steps, LIMITS, least)
+    assert np.all(times >= least) and np.all(times >= rapids(steps, LIMITS))
+    assert np.all(np.abs(steps) <= times[:, None] * LIMITS.speed * (1 + 1e-15) + 1e-300)
+    assert np.array_equal(feeds(steps, LIMITS, np.zeros(4)), rapids(steps, LIMITS))
+
+
+@given(STEPS, LEAST)
+def test_there_and_back_take_the_same_time(steps: np.ndarray, least: np.ndarray) -> None:
+    assert np.array_equal(feeds(-steps, LIMITS, least), feeds(steps, LIMITS, least))
