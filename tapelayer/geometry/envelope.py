@@ -99,7 +99,7 @@ def areas_from_above(mesh: Mesh, travel: float, spacing: float, min_normal_z: fl
         >>> vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
         >>> mesh = Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]]), "square.stl", "", "m", Mending(2))
         >>> areas_from_above(mesh, travel=0.0, spacing=0.1, min_normal_z=0.1)
-        Areas(seen=1.0, facing=0.0, hidden=0.0)
+        Areas(seen=1.0, too_steep=0.0, hidden=0.0)
     """
     steep = np.abs(mesh.normals[:, 2]) < min_normal_z
     too_steep, rest = float(np.sum(mesh.areas[steep])), float(np.sum(mesh.areas[~steep]))

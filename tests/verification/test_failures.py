@@ -13,7 +13,7 @@ from tests.helpers.by_hand import said
 
 
 def findings(*failures: Failure) -> Findings:
-    return Findings(blocks=1, duration=1.0, forward_disagreement=0.0, axes=(), failures=failures)
+    return Findings(blocks=1, duration=1.0, forward_disagreement=0.0, axes=(), limits={}, failures=failures)
 
 
 @pytest.mark.parametrize(
