@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,10 @@ from tapelayer.courses import fast_numbers, fault_finding, table
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import format_courses, parse_courses, read_courses, write_courses
 from tapelayer.errors import CourseFileRefused, TargetNotWritable
+from tests.helpers.parts import real_course, real_courses
 from tests.helpers.paths import ROOT
+from tests.helpers.plies import courses_of
+from tests.helpers.surfaces import helix_course
 
 HERE = ROOT / "tests"
 GOOD = sorted((HERE / "data" / "courses" / "good").glob("*.txt"))
@@ -97,9 +101,12 @@ def test_files_make_the_round_trip(path: Path) -> None:
     assert format_courses(again) == text
 
 
-def test_a_real_file_makes_the_round_trip(shared: Path) -> None:
-    courses = read_courses(shared / "courses" / "real" / "GEBracket_151.txt")
-    assert [len(course.points) for course in courses] == [569, 544, 519, 501]
+@pytest.mark.parametrize("name", ["bracket", *real_courses("GEBracket_151")])
+def test_many_close_points_make_the_round_trip(name: str) -> None:
+    text = format_courses(courses_of(name))
+    courses = quickly(text)
+    assert sum(len(course.points) for course in courses) > 2000
+    assert format_courses(courses) == text
     assert_same(quickly(format_courses(courses)), courses)
 
 
@@ -174,18 +181,44 @@ def test_messages_name_line_and_course() -> None:
                 assert re.match(rf"{path.name}:\d+: course \d+[:,] ", line), line
 
 
-def test_real_defects_are_named(shared: Path) -> None:
+def spoilt(rows: Sequence[int], normal: bytes) -> bytes:
+    """A file of one course of 73 points, CRLF line ends, with another normal in some of its rows."""
+    lines = format_courses([helix_course(n=73)]).splitlines()
+    for row in rows:
+        words = lines[row].split()
+        lines[row] = b" ".join([*words[:3], normal, words[6]])
+    return b"\r\n".join([*lines, b""])
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        lambda: spoilt(range(3, 63), b"-nan(ind) -nan(ind) -nan(ind)"),
+        *(real_course(name).read_bytes for name in real_courses("bad_nan_normal")),
+    ],
+)
+def test_many_undefined_normals_are_named(data: Callable[[], bytes]) -> None:
     with pytest.raises(CourseFileRefused) as caught:
-        read_courses(shared / "courses" / "real" / "bad_nan_normal.txt")
+        parse_courses(data(), "f")
     assert [fault.line for fault in caught.value.faults] == list(range(4, 64))
     lines = str(caught.value).splitlines()
-    assert lines[0].endswith(
-        "bad_nan_normal.txt:4: course 1, point 1: expected a finite number for nx, ny, nz, "
+    assert lines[0] == (
+        "f:4: course 1, point 1: expected a finite number for nx, ny, nz, "
         "got '-nan(ind)', '-nan(ind)', '-nan(ind)'; correct or remove the point"
     )
     assert len(lines) == 21 and lines[20].endswith("and 40 more faults")
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        lambda: spoilt([31, 32], b"-0 -0 -0"),
+        *(real_course(name).read_bytes for name in real_courses("bad_zero_normal")),
+    ],
+)
+def test_negative_zeros_are_no_normal(data: Callable[[], bytes]) -> None:
     with pytest.raises(CourseFileRefused) as caught:
-        read_courses(shared / "courses" / "real" / "bad_zero_normal.txt")
+        parse_courses(data(), "f")
     assert [fault.line for fault in caught.value.faults] == [32, 33]
 
 

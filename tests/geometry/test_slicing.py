@@ -12,28 +12,9 @@ from tapelayer.geometry import envelope, slicing
 from tapelayer.geometry.mending import Mending, mended
 from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.stl import read_mesh
-from tests.helpers.paths import SHARED
+from tests.helpers.parts import CLEAN, DIRTY, OPEN_SKINS, REAL_OPEN_SKINS, real_parts
 
-GEOMETRY = SHARED / "geometry"
-PARTS = [
-    "autofiber_curved_panel_1m",
-    "c172_wing",
-    "cylinder_1m",
-    "drivaer_front_fender",
-    "drivaer_hood",
-    "iea15mw_blade_skin_30m",
-    "onera_m6_upper_skin",
-    "wavy_with_hole_1m",
-    "yf23_2m",
-]
 X, Y, Z = np.eye(3)
-
-
-def part(name):
-    path = GEOMETRY / f"{name}.stl"
-    if not path.exists():
-        pytest.skip(f"{path.name} of the shared data is not here")
-    return read_mesh(path)
 
 
 def surface(vertices, facets):
@@ -116,9 +97,9 @@ def check_sections(sections, mesh, direction, heights):
 # Sections
 
 
-@pytest.mark.parametrize("name", PARTS)
-def test_sections_are_as_long_as_trimesh_cuts_them(name):
-    mesh = part(name)
+@pytest.mark.parametrize("name", [*CLEAN, *DIRTY])
+def test_sections_are_as_long_as_trimesh_cuts_them(part, name):
+    mesh = read_mesh(part(name))
     # In millimetres, for which trimesh's fixed tolerances are made.
     other = trimesh.Trimesh(mesh.vertices * 1e3, mesh.facets, process=False)
     for travel in (0.0, np.pi / 6, np.pi / 2):
@@ -243,8 +224,9 @@ def test_solids_of_cubes_give_closed_curves_round_their_cubes(cubes, seed, axis)
     assert float(np.sum(sections.lengths)) == pytest.approx(np.sum(perimeters), rel=1e-12)
 
 
-def test_curves_end_only_where_there_is_no_neighbour():
-    mesh = part("yf23_2m")
+@pytest.mark.parametrize("name", ["aircraft", *real_parts("yf23_2m")])
+def test_curves_end_only_where_there_is_no_neighbour(part, name):
+    mesh = read_mesh(part(name))
     direction = slicing.plane_direction(0.3)
     heights = inside(mesh, direction, 60)
     sections = slicing.slice(mesh, direction, heights)
@@ -428,19 +410,17 @@ def test_the_envelope_of_cubes_is_their_tops(cubes, axis):
         assert float(np.sum(upper.lengths[on_top])) == pytest.approx(np.sum(there), rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["c172_wing", "yf23_2m"])
+@pytest.mark.parametrize("name", DIRTY)
 @pytest.mark.parametrize("degrees", [0, 37])
-def test_the_envelope_of_a_dirty_part(name, degrees):
-    mesh = part(name)
+def test_the_envelope_of_a_dirty_part(part, name, degrees):
+    mesh = read_mesh(part(name))
     direction = slicing.plane_direction(np.radians(degrees))
     check_envelope(mesh, direction, inside(mesh, direction, 3), 0.02, samples=60)
 
 
-@pytest.mark.parametrize(
-    "name", ["drivaer_hood", "wavy_with_hole_1m", "iea15mw_blade_skin_30m", "drivaer_front_fender"]
-)
-def test_a_skin_that_hides_nothing_is_seen_whole(name):
-    mesh = part(name)
+@pytest.mark.parametrize("name", [*OPEN_SKINS, *REAL_OPEN_SKINS])
+def test_a_skin_that_hides_nothing_is_seen_whole(part, name):
+    mesh = read_mesh(part(name))
     for degrees in (0, 30, 90):
         direction = slicing.plane_direction(np.radians(degrees))
         sections = slicing.slice(mesh, direction, slicing.plane_heights(mesh, direction, 0.025))
@@ -499,9 +479,9 @@ def test_only_upright_planes_are_seen_from_above():
 # Areas
 
 
-@pytest.mark.parametrize("name", PARTS)
-def test_areas_add_up_to_the_whole(name):
-    mesh = part(name)
+@pytest.mark.parametrize("name", [*CLEAN, *DIRTY])
+def test_areas_add_up_to_the_whole(part, name):
+    mesh = read_mesh(part(name))
     areas = envelope.areas_from_above(mesh, 0.4, 0.01, 0.02)
     assert areas.seen + areas.facing + areas.hidden == pytest.approx(float(np.sum(mesh.areas)), rel=1e-12)
     steep = np.abs(mesh.normals[:, 2]) < 0.02
@@ -509,8 +489,9 @@ def test_areas_add_up_to_the_whole(name):
     assert areas.hidden >= 0
 
 
-def test_of_a_closed_cylinder_only_the_top_is_seen():
-    mesh = part("cylinder_1m")
+@pytest.mark.parametrize("name", ["cylinder", *real_parts("cylinder_1m")])
+def test_of_a_closed_cylinder_only_the_top_is_seen(part, name):
+    mesh = read_mesh(part(name))
     areas = envelope.areas_from_above(mesh, 0.0, 0.005, 0.02)
     cap = float(np.sum(mesh.areas[mesh.normals[:, 2] > 0.99]))
     assert areas.seen == pytest.approx(cap, rel=1e-6)
@@ -527,8 +508,9 @@ def test_a_box_hides_the_plate_below_it(travel):
     assert areas.hidden == pytest.approx(20, rel=1e-2)
 
 
-def test_the_area_seen_of_an_aircraft_is_what_rays_find():
-    mesh = part("yf23_2m")
+@pytest.mark.parametrize("name", ["aircraft", *real_parts("yf23_2m")])
+def test_the_area_seen_of_an_aircraft_is_what_rays_find(part, name):
+    mesh = read_mesh(part(name))
     areas = envelope.areas_from_above(mesh, 0.2, 0.004, 0.02)
     steep = np.abs(mesh.normals[:, 2]) < 0.02
     random = np.random.default_rng(3)

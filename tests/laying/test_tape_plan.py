@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +23,7 @@ from tapelayer.errors import (
 )
 from tapelayer.laying.head import Head
 from tapelayer.laying.tape_plan import KnifeSteps, Step, TapePlan, plan_tape
+from tests.helpers.paths import EXAMPLES
 
 HEAD = Head(
     tape_width=0.3,
@@ -626,10 +626,10 @@ def test_a_ply_of_many_courses_on_many_rolls() -> None:
 
 @pytest.mark.parametrize("width", [0.075, 0.15, 0.3])
 @pytest.mark.parametrize("name", ["boss_panel_20", "cylinder_panel_15", "flat_panel_00", "wing_skin_45"])
-def test_shared_plies(shared: Path, name: str, width: float) -> None:
+def test_plies_of_the_examples(name: str, width: float) -> None:
     lengths: list[float] = []
     last = 0.0
-    for line in (shared / "courses" / f"{name}.txt").read_text().splitlines():
+    for line in (EXAMPLES / f"{name}.txt").read_text().splitlines():
         words = line.split()
         if len(words) == 7:
             last = float(words[6]) * 1e-3

@@ -13,13 +13,11 @@ from hypothesis import strategies as st
 
 from tapelayer.arrays import Floats, Mask
 from tapelayer.errors import ModelRefused
-from tapelayer.machines.machine import Machine
 from tapelayer.machines.wrist import Wrist, angles_between, gun_axes, inverse, reachable
 from tapelayer.spraying.passes import Reason
 from tapelayer.spraying.wrist_path import Followed, follow
-from urdf import SPRAYER
+from tests.helpers.machines import sprayer
 
-MACHINE = Machine.load(SPRAYER)
 PRINTED = (0.0, 360.0)
 WIDE = (-180.0, 540.0)
 SPECIAL = np.radians(np.arange(0, 360, 15))
@@ -37,7 +35,7 @@ def wrist_of(
     deviation: float = 15.0,
 ) -> Wrist:
     """The sprayer's wrist with travel and deviation in degrees and the gun's speed in m/s."""
-    machine = MACHINE.with_limits(
+    machine = sprayer().with_limits(
         {name: (math.radians(low), math.radians(high)) for name, (low, high) in {"theta": theta, "phi": phi}.items()},
         {},
     )
@@ -103,7 +101,7 @@ def test_inverse_points_the_gun_of_both_branches_along_the_normal_by_pinocchio()
     normals = gun_axes(theta, phi)
     for branch in inverse(normals):
         q = np.column_stack([np.full((len(branch), 3), 0.5), branch, np.full(len(branch), 0.15)])
-        poses = MACHINE.forward_pinocchio(q, "gun")
+        poses = sprayer().forward_pinocchio(q, "gun")
         np.testing.assert_allclose(poses[:, :3, 2], normals, rtol=0, atol=1e-12)
         np.testing.assert_allclose(poses[:, :3, 3], 0.5 + 0.15 * normals, rtol=0, atol=1e-12)
 

@@ -18,6 +18,7 @@ from tapelayer.laying.job import Job
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.provenance import Provenance
+from tests.helpers.machines import TEN_AXES
 
 PLANES = {0: ("x", "y"), 1: ("z", "x"), 2: ("y", "z")}
 
@@ -204,16 +205,13 @@ def test_only_wanted_planes_and_able_blocks_become_arcs() -> None:
     assert (arc.firsts.tolist(), arc.lasts.tolist()) == ([30], [99])
 
 
-AXES = ("x", "y", "z", "c", "a", "u", "v", "d", "q", "e")
-
-
 def laid(points: np.ndarray, u: np.ndarray, times: np.ndarray) -> Trajectory:
     """A rapid to the first point, then straight blocks; points and u in millimetres."""
     count = len(points)
     positions = np.zeros((count, 10))
     positions[:, :3], positions[:, 5] = points / 1e3, u / 1e3
     return Trajectory(
-        AXES,
+        TEN_AXES,
         np.full(10, np.nan),
         positions,
         np.array([Kind.RAPID, *[Kind.LINEAR] * (count - 1)], dtype=np.uint8),
@@ -243,7 +241,7 @@ def test_written_arcs_read_back_onto_the_circle(
     trajectory = laid(points, u, times)
     controller = load(control)
     text = write(SimpleNamespace(trajectory=trajectory), controller, Provenance("a", "b", "c", "d"))  # type: ignore[arg-type]
-    path = read(text, controller, AXES, dict.fromkeys(AXES, 1.0), "p.nc").trajectory
+    path = read(text, controller, TEN_AXES, dict.fromkeys(TEN_AXES, 1.0), "p.nc").trajectory
     word = controller.codes.clockwise if clockwise else controller.codes.counterclockwise
     arc = np.flatnonzero(np.isin(path.kinds, (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     assert 1 <= len(arc) <= 2 and f"{controller.codes.planes[plane]} {word} ".encode() in text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -40,9 +41,8 @@ from tapelayer.spraying.footprint import (
 )
 from tapelayer.spraying.pitch import raster_cv, widest_pitch
 from tapelayer.spraying.settings import SpraySetup
-from tests.helpers.paths import SHARED
+from tests.helpers.parts import real_parts
 
-GEOMETRY = SHARED / "geometry"
 H = 0.15
 RING = Profile(np.array([0.0, 0.01, 0.018, 0.03]), np.array([2.0, 5.0, 1.0, 1.0]))
 FOOTPRINTS = [Gaussian(0.015), ParabolicFlux(0.03), ParabolicPass(0.03), RING]
@@ -376,11 +376,9 @@ def test_no_border_no_band() -> None:
     np.testing.assert_array_equal(chosen.points, surface.points[[0, 2]])
 
 
-def test_the_border_of_the_hood_is_its_edge() -> None:
-    path = GEOMETRY / "drivaer_hood.stl"
-    if not path.exists():
-        pytest.skip(f"{path.name} of the shared data is not here")
-    mesh = read_mesh(path)
+@pytest.mark.parametrize("name", ["hood", *real_parts("drivaer_hood")])
+def test_the_border_of_the_hood_is_its_edge(part: Callable[[str], Path], name: str) -> None:
+    mesh = read_mesh(part(name))
     surface, border = surface_from_above(mesh, 0.02, 0.02)
     assert np.sum(surface.areas) == pytest.approx(np.sum(mesh.areas), rel=0.02)
     shape = trimesh.Trimesh(mesh.vertices, mesh.facets, process=False)

@@ -15,21 +15,20 @@ from tapelayer.arrays import Floats
 from tapelayer.errors import VerificationFailed
 from tapelayer.geometry.facets import distances_to
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
-from tapelayer.setups.sections import parse_setup
 from tapelayer.spraying.evidence import SprayEvidence, SprayFailure
 from tapelayer.spraying.inspection import SprayInspector
-from tapelayer.spraying.pass_planning import plan_passes
 from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.program import Spraying, spray
-from tapelayer.spraying.reach import mesh_in_machine, placement
+from tapelayer.spraying.reach import mesh_in_machine
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import DEG, MM
+from tests.helpers.machines import limited, sprayer
 from tests.helpers.panels import flat, mesh_of, sheet
-from urdf import SPRAYER
+from tests.helpers.sprayed import planned as planned_over
+from tests.helpers.sprayed import roof
+from tests.helpers.trajectories import moved, without
 
-MACHINE = Machine.load(SPRAYER)
 WAVE = "wave"
 GAPS = "[spray]\nmax_gap_mm = 20\n"
 
@@ -37,21 +36,15 @@ GAPS = "[spray]\nmax_gap_mm = 20\n"
 def triangles_of(name: str) -> Floats:
     if name == WAVE:
         return sheet(np.linspace(0, 300, 31), [0, 60, 120], lambda x, y: 15 * np.sin(x / 40) + 0.1 * y)
-    if name == "roof":
-        return sheet([0, 75, 150, 225, 300], [0, 60], lambda x, y: 0.36 * (150 - np.abs(x - 150)) + 0 * y)
-    if name == "ridge":
-        return sheet([0, 75, 150, 225, 300], [0, 60], lambda x, y: math.sqrt(3) * (150 - np.abs(x - 150)) + 0 * y)
+    if name in ("roof", "ridge"):
+        return roof({"roof": 2 * math.degrees(math.atan(0.36)), "ridge": 120.0}[name])
     return sheet(np.linspace(0, 300, 7), [0, 50, 100], flat)
 
 
 @cache
 def planned(name: str, text: str = "") -> tuple[SprayInspector, Spraying, Plan, Mesh, SpraySetup]:
-    setup = parse_setup(text.encode(), "job.toml", SpraySetup)
-    machine = MACHINE.with_limits(setup.machine.travel(), setup.machine.speeds())
-    mesh = mesh_of(triangles_of(name))
-    mesh = mesh_in_machine(mesh, *placement(mesh, setup, machine))
-    assert setup.spray.pitch_mm != "auto"
-    plan = plan_passes(mesh, setup, machine, setup.spray.pitch_mm * MM)
+    plan, mesh, setup = planned_over(triangles_of(name), text)
+    machine = limited(setup)
     spraying = spray(plan.passes, setup, machine, float(mesh.vertices[:, 2].max()))
     return SprayInspector(plan.passes, spraying.splits, mesh, setup, machine), spraying, plan, mesh, setup
 
@@ -64,17 +57,6 @@ def failures(trajectory: Trajectory, name: str, text: str = "") -> set[str]:
     evidence = examined(trajectory, name, text)
     assert not evidence.passed
     return {failure.what for failure in evidence.failures}
-
-
-def moved(trajectory: Trajectory, block: int, axis: str, by: float) -> Trajectory:
-    positions = trajectory.positions.copy()
-    positions[block, trajectory.column(axis)] += by
-    return replace(trajectory, positions=positions)
-
-
-def without(trajectory: Trajectory, blocks: list[int]) -> Trajectory:
-    names = ("positions", "kinds", "durations", "events", "courses", "stated", "lines")
-    return replace(trajectory, **{name: np.delete(getattr(trajectory, name), blocks, axis=0) for name in names})
 
 
 def at(trajectory: Trajectory, event: Event, number: int = 0) -> int:
@@ -252,7 +234,7 @@ def test_the_arc_beside_the_part_is_found() -> None:
     short = mesh_of(sheet(np.linspace(0, 200, 5), [0, 50, 100], flat))
     short = mesh_in_machine(short, np.eye(3), mesh.vertices.min(axis=0))
     nowhere = [replace(found, facets=np.full(len(found.facets), -1)) for found in plan.passes]
-    judge = SprayInspector(nowhere, (), short, setup, MACHINE)
+    judge = SprayInspector(nowhere, (), short, setup, sprayer())
     (failure,) = judge.examine(spraying.trajectory).failures
     assert failure.what == "arc_beside_part_mm"
     assert failure.value == pytest.approx(130.0, abs=1e-6)

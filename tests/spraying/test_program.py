@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,53 +14,21 @@ from tapelayer.errors import NothingToSpray
 from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.plan_coverage import PlanCoverage
 from tapelayer.geometry.stl import read_mesh
-from tapelayer.machines.machine import Machine
 from tapelayer.machines.wrist import AXES, angles_between, gun_axes
 from tapelayer.motion.trajectory import Event, Kind
-from tapelayer.setups.sections import parse_setup
 from tapelayer.spraying.pass_planning import plan_passes
-from tapelayer.spraying.passes import NO_FACET, Pass, Plan, Reason
+from tapelayer.spraying.passes import NO_FACET, Pass, Reason
 from tapelayer.spraying.program import Spraying, spray
-from tapelayer.spraying.reach import Segments, mesh_in_machine, placement
-from tapelayer.spraying.settings import SpraySetup
+from tapelayer.spraying.reach import Segments, placement
 from tapelayer.spraying.steep_sides import flank_heights, on_steep_sides
 from tapelayer.units import DEG, MM
+from tests.helpers.machines import sprayer
 from tests.helpers.panels import flat, mesh_of, sheet
-from urdf import SPRAYER
+from tests.helpers.parts import OPEN_SKINS, REAL_OPEN_SKINS
+from tests.helpers.setups import spray_setup_of
+from tests.helpers.sprayed import placed, planned, roof, sprayed
 
-MACHINE = Machine.load(SPRAYER)
 PLATE = sheet(np.linspace(0, 300, 7), np.linspace(0, 205, 5), flat)
-
-
-def setup_of(text: str = "") -> SpraySetup:
-    return parse_setup(text.encode(), "job.toml", SpraySetup)
-
-
-def machine_of(setup: SpraySetup) -> Machine:
-    return MACHINE.with_limits(setup.machine.travel(), setup.machine.speeds())
-
-
-def placed_mesh(triangles: Floats, setup: SpraySetup) -> Mesh:
-    mesh = mesh_of(triangles)
-    return mesh_in_machine(mesh, *placement(mesh, setup, machine_of(setup)))
-
-
-def planned(triangles: Floats, text: str = "") -> tuple[Plan, Mesh, SpraySetup]:
-    setup = setup_of(text)
-    mesh = placed_mesh(triangles, setup)
-    assert setup.spray.pitch_mm != "auto"
-    return plan_passes(mesh, setup, machine_of(setup), setup.spray.pitch_mm * MM), mesh, setup
-
-
-def sprayed(triangles: Floats, text: str = "") -> tuple[Spraying, Plan]:
-    plan, mesh, setup = planned(triangles, text)
-    return spray(plan.passes, setup, machine_of(setup), float(mesh.vertices[:, 2].max())), plan
-
-
-def roof(degrees: float) -> Floats:
-    """Two planes that fold along x = 150 by an angle, the ridge up."""
-    slope = math.tan(math.radians(degrees / 2))
-    return sheet([0, 75, 150, 225, 300], [0, 60], lambda x, y: slope * (150 - np.abs(x - 150)) + 0 * y)
 
 
 def events(spraying: Spraying) -> list[Event]:
@@ -71,8 +39,8 @@ def events(spraying: Spraying) -> list[Event]:
 @pytest.mark.parametrize("rotation", [0.0, 30.0, -90.0])
 def test_the_part_is_centred_with_its_lowest_point_at_zero(rotation: float) -> None:
     mesh = mesh_of(roof(60) + [1234.0, -777.0, 55.0])
-    setup = setup_of(f"[part]\nrotation_deg = {rotation}")
-    found = mesh_in_machine(mesh, *placement(mesh, setup, MACHINE)).vertices
+    setup = spray_setup_of(f"[part]\nrotation_deg = {rotation}")
+    found = placed(mesh, setup).vertices
     low, high = found.min(axis=0), found.max(axis=0)
     np.testing.assert_allclose((low + high)[:2] / 2, [1.25, 1.0], atol=1e-12)
     assert abs(low[2]) <= 1e-12
@@ -81,7 +49,9 @@ def test_the_part_is_centred_with_its_lowest_point_at_zero(rotation: float) -> N
 
 def test_the_part_s_origin_can_be_given() -> None:
     mesh = mesh_of(PLATE)
-    rotation, origin = placement(mesh, setup_of("[part]\nx_mm = 10\ny_mm = 20\nz_mm = 30\nrotation_deg = 90"), MACHINE)
+    rotation, origin = placement(
+        mesh, spray_setup_of("[part]\nx_mm = 10\ny_mm = 20\nz_mm = 30\nrotation_deg = 90"), sprayer()
+    )
     np.testing.assert_allclose(origin, [0.01, 0.02, 0.03])
     np.testing.assert_allclose(rotation @ [1, 0, 0], [0, 1, 0], atol=1e-15)
 
@@ -312,17 +282,15 @@ def in_part(passes: Sequence[Pass], mesh: Mesh, spraying: Spraying) -> Floats:
     return np.array(worst)
 
 
-@pytest.mark.parametrize(
-    "name", ["drivaer_hood", "drivaer_front_fender", "wavy_with_hole_1m", "iea15mw_blade_skin_30m"]
-)
-def test_real_parts_keep_the_gun_within_its_limit(shared: Path, name: str) -> None:
-    setup = setup_of("[spray]\npitch_mm = 100\ndirection_deg = 30\nmax_gap_mm = 60")
-    mesh = read_mesh(shared / "geometry" / f"{name}.stl", spot=0.06)
-    mesh = mesh_in_machine(mesh, *placement(mesh, setup, MACHINE))
-    plan = plan_passes(mesh, setup, MACHINE, 0.1)
-    spraying = spray(plan.passes, setup, MACHINE, float(mesh.vertices[:, 2].max()))
+@pytest.mark.parametrize("name", [*OPEN_SKINS, *REAL_OPEN_SKINS])
+def test_whole_parts_keep_the_gun_within_its_limit(part: Callable[[str], Path], name: str) -> None:
+    setup = spray_setup_of("[spray]\npitch_mm = 100\ndirection_deg = 30\nmax_gap_mm = 60")
+    mesh = read_mesh(part(name), spot=0.06)
+    mesh = placed(mesh, setup)
+    plan = plan_passes(mesh, setup, sprayer(), 0.1)
+    spraying = spray(plan.passes, setup, sprayer(), float(mesh.vertices[:, 2].max()))
     assert np.max(in_part(plan.passes, mesh, spraying)) <= 15 * DEG
-    if name == "drivaer_hood":
+    if name.endswith("hood"):
         assert spraying.splits == ()
     assert plan.sprayed == pytest.approx(np.sum(mesh.areas) - plan.facing - plan.hidden, rel=1e-9)
 
