@@ -8,6 +8,7 @@ import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.courses.course import Course
+from tapelayer.geometry.toolpath import Toolpath
 
 SQUARE = (math.pi / 2, math.pi / 2)
 
@@ -76,3 +77,10 @@ def _round_bracket(number: int, inset: float, step: float) -> Course:
     points, normals = np.round(points[rows], 7), normals[rows] / np.linalg.norm(normals[rows], axis=1)[:, None]
     lengths = np.concatenate([[0.0], np.linalg.norm(np.diff(points, axis=0), axis=1).cumsum()])
     return Course(number, points, normals, lengths, (math.pi / 4, math.pi / 4))
+
+
+def arc(n: int = 101, length: float = 2.0, radius: float = 1.5) -> Toolpath:
+    """A course up a cylinder of 1.5 m about the y axis."""
+    angle = np.linspace(0, length / radius, n)
+    normals = np.stack([np.sin(angle), np.zeros(n), np.cos(angle)], axis=1)
+    return Toolpath(1, radius * normals, normals, radius * angle)

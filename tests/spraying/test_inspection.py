@@ -9,11 +9,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-import trimesh
 
 from tapelayer.arrays import Floats
 from tapelayer.errors import VerificationFailed
-from tapelayer.geometry.facets import distances_to
 from tapelayer.geometry.mesh import Mesh
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.spraying.evidence import SprayEvidence, SprayFailure
@@ -258,12 +256,3 @@ def test_a_program_without_any_arc_fails() -> None:
     evidence = examined(without(trajectory, gone), "plate")
     assert [failure.what for failure in evidence.failures] == ["sprayed_length_mm"] * 4
     assert evidence.arc_time == 0.0 and len(evidence.samples.times) == 0
-
-
-def test_distance_from_a_triangle_is_trimesh_s() -> None:
-    chance = np.random.default_rng(5)
-    triangles, points = chance.normal(size=(3000, 3, 3)), 2 * chance.normal(size=(3000, 3))
-    points[:50] = triangles[:50, 0]
-    points[50:100] = triangles[50:100].mean(axis=1)
-    expected = np.linalg.norm(trimesh.triangles.closest_point(triangles, points) - points, axis=1)
-    np.testing.assert_allclose(distances_to(triangles, points), expected, atol=1e-12)
