@@ -5,12 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tapelayer.spraying.footprint import (
-    Gaussian,
-    ParabolicFlux,
-    ParabolicPass,
-    Profile,
-)
+from tapelayer.spraying.footprint import Gaussian, ParabolicFlux, ParabolicPass, Profile
 
 H = 0.15
 RING = Profile(np.array([0.0, 0.01, 0.018, 0.03]), np.array([2.0, 5.0, 1.0, 1.0]))

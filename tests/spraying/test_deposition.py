@@ -25,10 +25,7 @@ from tapelayer.spraying.deposition import (
     spots_along,
     surface_from_above,
 )
-from tapelayer.spraying.footprint import (
-    Footprint,
-    Gaussian,
-)
+from tapelayer.spraying.footprint import Footprint, Gaussian
 from tapelayer.spraying.pitch import raster_cv
 from tests.helpers.footprints import FOOTPRINTS, H, each_footprint
 from tests.helpers.meshes import of_shape

@@ -11,14 +11,7 @@ import pytest
 from scipy.integrate import quad
 
 from tapelayer.errors import FootprintRefused
-from tapelayer.spraying.footprint import (
-    Footprint,
-    Gaussian,
-    ParabolicFlux,
-    ParabolicPass,
-    footprint_of,
-    read_profile,
-)
+from tapelayer.spraying.footprint import Footprint, Gaussian, ParabolicFlux, ParabolicPass, footprint_of, read_profile
 from tapelayer.spraying.settings import SpraySetup
 from tests.helpers.footprints import RING, each_footprint
 

@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 
 from tapelayer.errors import PitchNotFound
-from tapelayer.spraying.footprint import (
-    Footprint,
-    Gaussian,
-    ParabolicFlux,
-    ParabolicPass,
-)
+from tapelayer.spraying.footprint import Footprint, Gaussian, ParabolicFlux, ParabolicPass
 from tapelayer.spraying.pitch import raster_cv, widest_pitch
 from tests.helpers.footprints import each_footprint
 
