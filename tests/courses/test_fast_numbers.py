@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -50,3 +52,40 @@ def test_numbers_halfway_between_doubles_round_to_even(exponent: int) -> None:
     starts = np.concatenate([[0], stops[:-1] + 1])
     values = fast_numbers.values_of_words(text, starts, stops)
     assert values.tobytes() == np.array([float(word) for word in words]).tobytes()
+
+
+@given(st.lists(st.tuples(st.integers(2**53 + 1, 10**18 - 1), st.integers(0, 21), st.booleans()), min_size=1))
+def test_quotients_that_are_certain_are_those_of_fractions(parts: list[tuple[int, int, bool]]) -> None:
+    integers = np.array([-whole if minus else whole for whole, _, minus in parts])
+    powers = [power for _, power, _ in parts]
+    found, certain = fast_numbers.quotients(integers, 10.0 ** np.array(powers))
+    for value, sure, whole, power in zip(found.tolist(), certain.tolist(), integers.tolist(), powers, strict=True):
+        exact = Fraction(whole, 10**power)
+        if sure:
+            assert value == whole / 10**power
+        assert abs(Fraction(value) - exact) <= Fraction(math.ulp(value))
+
+
+@pytest.mark.parametrize("integer", [10**18, -(10**18), 2**63 - 1, -(2**63)])
+def test_no_quotient_of_19_digits_is_certain(integer: int) -> None:
+    assert not fast_numbers.quotients(np.array([integer]), np.array([10.0]))[1][0]
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "values"),
+    [(b"", np.int64, []), (b"1 -2\n+3\n", np.int64, [1, -2, 3]), (b"1e3 .5\n", np.float64, [1e3, 0.5])],
+)
+def test_scanned_numbers(text: bytes, kind: type[np.generic], values: list[float]) -> None:
+    assert fast_numbers.scanned(text, kind, len(values)).tolist() == values
+
+
+@pytest.mark.parametrize("text", [b"1 x\n", b"1 2 3\n", b"1\n", b"1 2,5\n"])
+def test_too_few_too_many_and_no_numbers_need_care(text: bytes) -> None:
+    with pytest.raises(NeedsCare):
+        fast_numbers.scanned(text, np.int64, 2)
+
+
+@pytest.mark.parametrize("word", ["1-2", "--1", "1.2.3", "+-1", "1+"])
+def test_signs_and_points_out_of_place_need_care(word: str) -> None:
+    with pytest.raises(NeedsCare):
+        fast_numbers.short_values(f"{word}\n".encode(), np.array([0]), np.array([len(word)]))
