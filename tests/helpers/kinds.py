@@ -49,6 +49,13 @@ def made(kind: JobKind, controller: str = "") -> Made | SprayMade:
     return job_of_kind(kind, controller).make("program.nc")
 
 
+def sprayed_wave() -> SprayMade:
+    """The sprayer's program over a wavy sheet."""
+    found = made("spray")
+    assert isinstance(found, SprayMade)
+    return found
+
+
 @cache
 def planned_of(kind: JobKind, controller: str = "") -> Trajectory:
     """What was to be written."""
@@ -65,6 +72,5 @@ def judged(kind: JobKind, trajectory: Trajectory) -> Findings:
 
 @cache
 def _inspector() -> SprayInspector:
-    job = made("spray").job
-    assert isinstance(job, SprayJob)
+    job = sprayed_wave().job
     return job.inspector(job.spraying())

@@ -6,8 +6,8 @@ import re
 
 import pytest
 
-from tapelayer.spraying.job import SprayJob, SprayMade
-from tests.helpers.kinds import made
+from tapelayer.spraying.job import SprayJob
+from tests.helpers.kinds import sprayed_wave
 from tests.helpers.pages import Elements
 from tests.helpers.panels import stl_bytes
 from tests.helpers.setups import spray_setup_of
@@ -16,14 +16,8 @@ from tests.helpers.sprayed import roof
 HOSTILE = "</title><script>alert(1)</script><img src=x onerror=alert(2)> & \"'.nc"
 
 
-def result() -> SprayMade:
-    found = made("spray")
-    assert isinstance(found, SprayMade)
-    return found
-
-
 def test_the_page_is_one_file_of_matching_tags_and_asks_no_network() -> None:
-    text = result().page("wave.nc")
+    text = sprayed_wave().page("wave.nc")
     elements = Elements(text)
     assert not re.search(r"(src|href)=|url\(|@import|https?://", text)
     assert not elements.of("script") and not elements.of("img")
@@ -32,14 +26,14 @@ def test_the_page_is_one_file_of_matching_tags_and_asks_no_network() -> None:
 
 @pytest.mark.parametrize(("name", "shown"), [(HOSTILE, HOSTILE), ("wave_\udcff.nc", "wave_\\udcff.nc")])
 def test_any_name_stays_text(name: str, shown: str) -> None:
-    elements = Elements(result().page(name))
+    elements = Elements(sprayed_wave().page(name))
     assert not elements.of("script") and not elements.of("img")
     assert elements.of("title")[0][1] == f"Verification of {shown}"
     assert elements.of("span", "name")[0][1] == shown
 
 
 def test_the_verdict_and_the_facts_are_those_of_the_report() -> None:
-    report, elements = result().report(), Elements(result().page("wave.nc"))
+    report, elements = sprayed_wave().report(), Elements(sprayed_wave().page("wave.nc"))
     ((_, verdict),) = elements.of("p", "verdict passed")
     assert verdict == f"PASSED: {report['blocks']:,} blocks over {report['passes']:,} passes keep every limit"
     facts = dict(zip((words for _, words in elements.of("dt")), (words for _, words in elements.of("dd")), strict=True))
@@ -49,7 +43,7 @@ def test_the_verdict_and_the_facts_are_those_of_the_report() -> None:
 
 
 def test_a_program_that_fails_is_headed_by_its_first_failure() -> None:
-    found = result()
+    found = sprayed_wave()
     text = found.text.decode()
     without_arc = re.sub(r" M03\b", " M09", text, count=1) if " M09" in text else text.replace(" M05\n", " M08\n", 1)
     judged = found.job.examine(without_arc.encode(), "program.nc", force=True)
@@ -68,4 +62,4 @@ def test_splits_have_rows_of_their_own() -> None:
     assert "Splits" in [words for _, words in elements.of("h2")]
     cells = [words for _, words in elements.of("td")]
     assert cells.count("crease") == len(found.report()["splits"])
-    assert "Splits" not in [words for _, words in Elements(result().page("wave.nc")).of("h2")]
+    assert "Splits" not in [words for _, words in Elements(sprayed_wave().page("wave.nc")).of("h2")]

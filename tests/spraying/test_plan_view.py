@@ -6,22 +6,15 @@ import re
 
 import numpy as np
 
-from tapelayer.spraying.job import SprayMade
 from tapelayer.spraying.plan_view import BINS, plan_view
 from tapelayer.units import MM
-from tests.helpers.kinds import made
+from tests.helpers.kinds import sprayed_wave
 from tests.helpers.pages import Elements, drawn, figures
 
 
-def result() -> SprayMade:
-    found = made("spray")
-    assert isinstance(found, SprayMade)
-    return found
-
-
 def test_every_pass_is_drawn_to_scale_with_an_arrow_along_it() -> None:
-    passes = result().job.plan.passes
-    elements = Elements(figures(result().page("wave.nc"), "Plan view"))
+    passes = sprayed_wave().job.plan.passes
+    elements = Elements(figures(sprayed_wave().page("wave.nc"), "Plan view"))
     ways = [piece for attributes, _ in elements.of("path", "line way") for piece in drawn(attributes["d"] or "")]
     assert len(ways) == len(passes)
     ends = np.array([found.path.points[[0, -1], :2] for found in passes]).reshape(-1, 2) / MM
@@ -40,9 +33,9 @@ def test_every_pass_is_drawn_to_scale_with_an_arrow_along_it() -> None:
 
 
 def test_the_histogram_shows_all_of_the_area_and_its_mean() -> None:
-    coat = result().judged.coat
+    coat = sprayed_wave().judged.coat
     assert coat is not None
-    elements = Elements(figures(result().page("wave.nc"), "Histogram"))
+    elements = Elements(figures(sprayed_wave().page("wave.nc"), "Histogram"))
     (bars,) = (attributes["d"] or "" for attributes, _ in elements.of("path", "used"))
     corners = [[float(value) for value in re.findall(r"-?[\d.]+", bar)] for bar in bars.split("M")[1:]]
     heights = np.array([foot - top for _, foot, top, _, _ in corners])
@@ -56,16 +49,16 @@ def test_the_histogram_shows_all_of_the_area_and_its_mean() -> None:
 
 
 def test_sections_go_along_the_longest_pass_and_across_it() -> None:
-    longest = max(result().job.plan.passes, key=lambda found: found.path.length)
-    page = result().page("wave.nc")
+    longest = max(sprayed_wave().job.plan.passes, key=lambda found: found.path.length)
+    page = sprayed_wave().page("wave.nc")
     for name in (f"along pass {longest.path.number}", "across the passes"):
         (line,) = Elements(figures(page, f"Thickness {name}")).of("path", "line first")
         assert len(drawn(line[0]["d"] or "")[0]) > 5
 
 
 def test_plating_has_passes_and_no_coat() -> None:
-    plan = result().job.plan
-    with_coat = plan_view(plan, result().judged.coat)
+    plan = sprayed_wave().job.plan
+    with_coat = plan_view(plan, sprayed_wave().judged.coat)
     without = plan_view(plan, None)
     assert "Colours" in "".join(with_coat[1].itertext()) and "Colours" not in "".join(without[1].itertext())
     assert len(plan.passes) == sum(

@@ -12,16 +12,10 @@ import pytest
 from tapelayer.spraying.evidence import SpraySamples
 from tapelayer.spraying.job import SprayJob, SprayMade
 from tapelayer.units import DEG, MM
-from tests.helpers.kinds import made
+from tests.helpers.kinds import sprayed_wave
 from tests.helpers.panels import flat, sheet, stl_bytes
 from tests.helpers.setups import spray_setup_of
 from tests.helpers.sprayed import roof
-
-
-def result() -> SprayMade:
-    found = made("spray")
-    assert isinstance(found, SprayMade)
-    return found
 
 
 def of(triangles: np.ndarray, text: str = "") -> SprayMade:
@@ -29,7 +23,7 @@ def of(triangles: np.ndarray, text: str = "") -> SprayMade:
 
 
 def test_figures_are_those_of_the_samples() -> None:
-    report, samples = result().report(), result().evidence.samples
+    report, samples = sprayed_wave().report(), sprayed_wave().evidence.samples
     assert isinstance(samples, SpraySamples)
     for key, values, unit in (
         ("max_position_error_mm", samples.position_errors, MM),
@@ -43,7 +37,7 @@ def test_figures_are_those_of_the_samples() -> None:
 
 
 def test_figures_are_those_of_the_program_and_the_model() -> None:
-    found, report = result(), result().report()
+    found, report = sprayed_wave(), sprayed_wave().report()
     assert report["program_sha256"] == hashlib.sha256(found.text).hexdigest()
     assert report["blocks"] == len(found.trajectory)
     assert report["duration_s"] == pytest.approx(found.trajectory.duration)
@@ -60,7 +54,7 @@ def test_figures_are_those_of_the_program_and_the_model() -> None:
 
 
 def test_the_report_is_strict_json_whose_numbers_come_back() -> None:
-    report = result().report()
+    report = sprayed_wave().report()
     text = json.dumps(report, allow_nan=False)
     assert json.loads(text) == report
     assert report["passed"] is True and report["failures"] == []
@@ -71,7 +65,7 @@ def test_plating_has_no_coat_and_a_part_without_creases_no_deviation_in_them() -
     assert plating["standoff_mm"] == 0
     for key in ("coverage_percent", "cv_percent", "cv_interior_percent", "thickness"):
         assert plating[key] is None
-    assert result().report()["max_crease_deviation_deg"] is None
+    assert sprayed_wave().report()["max_crease_deviation_deg"] is None
 
 
 def test_a_crease_that_splits_a_pass_is_reported_with_its_place() -> None:
@@ -91,7 +85,7 @@ def test_a_crease_that_splits_a_pass_is_reported_with_its_place() -> None:
 
 
 def test_a_program_that_fails_says_where() -> None:
-    found = result()
+    found = sprayed_wave()
     lines = found.text.decode().splitlines()
     line = next(row for row in lines[60:] if re.search(r" Z\d", row) and " G0" not in row)
     edited = re.sub(r"Z([\d.]+)", lambda word: f"Z{float(word[1]) + 2:.3f}", line)
