@@ -53,7 +53,7 @@ WAVY = sheet(np.linspace(0, 600, 25), np.linspace(0, 400, 17), lambda x, y: 60 *
 TIGHT = """
 [machine]
 limits_mm = {x = [1000, 1420], y = [900, 1150], z = [0, 0.09e3]}
-limits_deg = {phi = [0, 35]}
+limits_deg = {phi = [0, 20]}
 [part]
 x_mm = 950
 y_mm = 800
