@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from tests.helpers.panels import write_stl
+from tests.helpers.parts import PARTS, triangles_of
 from tests.helpers.paths import SHARED
 
 # LinuxCNC's own Python runs these.
@@ -18,8 +22,14 @@ settings.load_profile("project")
 
 
 @pytest.fixture(scope="session")
-def shared() -> Path:
-    """Folder of the shared course files and geometry beside the project."""
-    if not SHARED.is_dir():
-        pytest.skip("the shared data folder is not beside the project")
-    return SHARED
+def part(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The STL file of a part by its name: of one that is made up, or of a real one beside the project."""
+    folder = tmp_path_factory.mktemp("parts")
+
+    @cache
+    def path_of(name: str) -> Path:
+        if name in PARTS:
+            return write_stl(folder / f"{name}.stl", triangles_of(name))
+        return SHARED / "geometry" / f"{name}.stl"
+
+    return path_of

@@ -15,14 +15,13 @@ from tapelayer.courses.course_file import read_courses
 from tapelayer.geometry.curves import Curve
 from tapelayer.laying.job import Job
 from tapelayer.laying.placing import courses_in_machine
-from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
-from tapelayer.setups.sections import parse_setup
 from tapelayer.units import MM
+from tests.helpers.setups import setup_of
 
 POINTS = 4000
-SETUP = parse_setup(pipeline.SETUP.encode(), "setup", Setup)
-FINE = parse_setup((pipeline.SETUP + pipeline.FINE).encode(), "setup", Setup)
+SETUP = setup_of(pipeline.SETUP)
+FINE = setup_of(pipeline.SETUP + pipeline.FINE)
 
 
 @pytest.fixture(scope="module")

@@ -27,13 +27,23 @@ _ENTRIES: dict[KindName, _Entry] = {
 
 @cache
 def kind_of(name: KindName) -> JobKind:
-    """Return the kind of a name; its package is imported when it is first asked for."""
+    """Return the kind of a name; its package is imported when it is first asked for.
+
+    Examples:
+        >>> kind_of("spray").machine.title
+        'five-axis spray robot'
+    """
     kind: JobKind = import_module(_ENTRIES[name].module).KIND
     return kind
 
 
 def kinds() -> tuple[JobKind, ...]:
-    """Return all kinds, in the order of their names."""
+    """Return all kinds, in the order of their names.
+
+    Examples:
+        >>> [kind.parts for kind in kinds()]
+        ['courses', 'passes']
+    """
     return tuple(kind_of(name) for name in NAMES)
 
 

@@ -18,7 +18,13 @@ POSE = frozenset({"max_roller_tilt_deg", "max_heading_error_deg"})
 
 
 def limits_of(setup: Setup) -> Limits:
-    """Return the limit of each limited quantity, and whether it is judged."""
+    """Return the limit of each limited quantity, and whether it is judged.
+
+    Examples:
+        >>> published = Setup().with_values("process", kinematics="published")
+        >>> limits_of(published)["max_roller_tilt_deg"]
+        Limit(value=0.05, judged=False)
+    """
     limits = setup.verification
     free = POSE - limits.model_fields_set if setup.process.kinematics == "published" else frozenset()
     return {key: Limit(getattr(limits, key), key not in free) for key in LIMITED}

@@ -45,7 +45,12 @@ def document(title: str, verdict: Element, sections: Sequence[Element], style: s
 
 
 def printable(name: str) -> str:
-    """Return a file name with the bytes that are no text as escapes."""
+    r"""Return a file name with the bytes that are no text as escapes.
+
+    Examples:
+        >>> printable("panel\udcff.nc")
+        'panel\\udcff.nc'
+    """
     return name.encode(errors="backslashreplace").decode()
 
 

@@ -81,16 +81,33 @@ class Quantity(Generic[Measured]):
         return {Style.COUNT: ",d", Style.FIXED: f"z,.{self.digits}f", Style.POWER: ".1e"}[self.style]
 
     def lost(self, value: float | None) -> bool:
-        """Return whether the value is required, and could not be measured."""
+        """Return whether the value is required, and could not be measured.
+
+        Examples:
+            >>> row = Quantity("waste_mm", Words("", ""), Words("", ""), "mm", 1, lambda _: 0.0, required=True)
+            >>> [row.lost(value) for value in (0.0, float("nan"), None)]
+            [False, True, False]
+        """
         return self.required and value is not None and not math.isfinite(value)
 
     @staticmethod
     def plain(value: float | None) -> float | None:
-        """Return the value for JSON; None where there is none."""
+        """Return the value for JSON; None where there is none.
+
+        Examples:
+            >>> [Quantity.plain(value) for value in (7, -0.0, float("inf"), None)]
+            [7, 0.0, None, None]
+        """
         return value if value is None or isinstance(value, int) else json_number(value)
 
     def shown(self, value: float | None, with_unit: bool = True) -> str:
-        """Return a value as it is written, or why there is none."""
+        """Return a value as it is written, or why there is none.
+
+        Examples:
+            >>> row = Quantity("waste_mm", Words("", ""), Words("", ""), "mm", 1, lambda _: 0.0)
+            >>> row.shown(1234.56), row.shown(1234.56, with_unit=False), row.shown(None)
+            ('1,234.6 mm', '1,234.6', 'not measured')
+        """
         return shown(value, self.unit if with_unit else "", self.form, self.absent.en)
 
 
@@ -109,7 +126,12 @@ class Listing(Generic[Measured]):
     required: bool = False
 
     def lost(self, value: Any) -> bool:
-        """Return whether it is required, and a value in it could not be measured."""
+        """Return whether it is required, and a value in it could not be measured.
+
+        Examples:
+            >>> Listing("tape", list, required=True).lost([{"laid_mm": 900.0, "cuts": [{"error_mm": None}]}])
+            True
+        """
         return self.required and any(leaf is None for leaf in _leaves(value))
 
     @staticmethod
@@ -124,7 +146,12 @@ Row = Quantity[Measured] | Listing[Measured]
 def count(
     key: str, words: Words, about: Words, measure: Callable[[Measured], float | None], *, headline: bool = False
 ) -> Quantity[Measured]:
-    """Return the row of a fact that is counted."""
+    """Return the row of a fact that is counted.
+
+    Examples:
+        >>> count("cuts", Words("cuts", "切割次数"), Words("cuts made", "完成的切割"), len).shown(1500)
+        '1,500'
+    """
     return Quantity(key, words, about, "", 0, measure, Group.FACT, Style.COUNT, headline=headline)
 
 

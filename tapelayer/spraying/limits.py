@@ -7,7 +7,12 @@ from tapelayer.verification.limits import Limit, Limits
 
 
 def limits_of(setup: SpraySetup) -> Limits:
-    """Return the limit of each limited quantity."""
+    """Return the limit of each limited quantity.
+
+    Examples:
+        >>> limits_of(SpraySetup())["max_deviation_deg"]
+        Limit(value=15.0, judged=True)
+    """
     position = setup.verification.max_position_error_mm
     return {
         "max_deviation_deg": Limit(setup.spray.max_deviation_deg),

@@ -19,7 +19,12 @@ class Limit:
     judged: bool = True
 
     def kept(self, value: float | None) -> bool:
-        """Whether a value keeps the limit; what was not measured keeps none."""
+        """Return whether a value keeps the limit; what was not measured keeps none.
+
+        Examples:
+            >>> [Limit(0.05).kept(value) for value in (0.05, 0.06, None, float("nan"))]
+            [True, False, False, False]
+        """
         return value is not None and value <= self.value
 
 

@@ -37,10 +37,15 @@ def mesh_of(triangles: Floats) -> Mesh:
     return Mesh(vertices, facets, "panel.stl", "0" * 64, "mm", mending)
 
 
-def write_stl(path: Path, triangles: Floats) -> Path:
+def stl_bytes(triangles: Floats) -> bytes:
     """Binary STL of triangles (m, 3, 3)."""
     record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     records = np.zeros(len(triangles), dtype=record)
     records["corners"] = triangles
-    path.write_bytes(b"\0" * 80 + len(triangles).to_bytes(4, "little") + records.tobytes())
+    return b"\0" * 80 + len(triangles).to_bytes(4, "little") + records.tobytes()
+
+
+def write_stl(path: Path, triangles: Floats) -> Path:
+    """Binary STL file of triangles (m, 3, 3)."""
+    path.write_bytes(stl_bytes(triangles))
     return path

@@ -10,27 +10,50 @@ import numpy as np
 
 from post.controllers import Controller, load
 from tapelayer.courses.course import Course
+from tapelayer.courses.course_file import read_courses
 from tapelayer.jobs.job import machine_of
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.job import Job
 from tapelayer.laying.settings import Setup
 from tapelayer.provenance import Provenance
 from tapelayer.units import DEG, MM
-from tests.helpers.surfaces import helix, setup_of
+from tests.helpers.parts import real_course, real_courses
+from tests.helpers.paths import EXAMPLES
+from tests.helpers.setups import CLOSED, WIDE, setup_of
+from tests.helpers.surfaces import bracket_courses, helix
 from urdf import TAPELAYER
 
 T = TypeVar("T")
 
-CONTROLLER = load("jb3208")
+# What each of the plies below is laid with: the examples, closed courses, and real ones where they are there.
+PLIES = {
+    "flat_panel_00": "",
+    "boss_panel_20": "",
+    "cylinder_panel_15": "",
+    "wing_skin_00": "",
+    "wing_skin_45": WIDE,
+    "bracket": CLOSED,
+    **dict.fromkeys(real_courses("GEBracket_151"), CLOSED),
+}
+
 LIMITS = """
 limits_mm = {x = [-20000, 20000], y = [-20000, 20000], z = [-20000, 20000]}
 limits_deg = {c = [-720, 720], a = [-180, 180]}
 """
 
 
-def job_of(courses: tuple[Course, ...], setup: Setup, controller: Controller = CONTROLLER) -> Job:
+def courses_of(name: str) -> tuple[Course, ...]:
+    """Courses of one of the plies."""
+    if name == "bracket":
+        return bracket_courses()
+    example = EXAMPLES / f"{name}.txt"
+    return read_courses(example if example.is_file() else real_course(name))
+
+
+def job_of(courses: tuple[Course, ...], setup: Setup, controller: Controller | None = None) -> Job:
     """Job of courses that stand in no file."""
-    return Job(setup, machine_of(setup, TAPELAYER), controller, Provenance("ply", "0" * 64, "0" * 64, "0"), courses)
+    made_from = Provenance("ply", "0" * 64, "0" * 64, "0")
+    return Job(setup, machine_of(setup, TAPELAYER), controller or load("jb3208"), made_from, courses)
 
 
 def exported(job: Job) -> tuple[bytes, Evidence]:

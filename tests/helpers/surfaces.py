@@ -8,8 +8,7 @@ import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.courses.course import Course
-from tapelayer.laying.settings import Setup
-from tapelayer.setups.sections import parse_setup
+from tapelayer.geometry.toolpath import Toolpath
 
 SQUARE = (math.pi / 2, math.pi / 2)
 
@@ -58,6 +57,30 @@ def circle_course(number: int = 1, radius: float = 0.1, turns: float = 1.0, n: i
     return Course(number, points, np.tile([0.0, 0.0, 1.0], (n, 1)), radius * angle, SQUARE)
 
 
-def setup_of(text: str = "") -> Setup:
-    """Setup from TOML text."""
-    return parse_setup(text.encode(), "setup.toml", Setup)
+def bracket_courses(count: int = 4, step: float = 0.7e-3) -> tuple[Course, ...]:
+    """Closed courses inside each other round a bent bracket with a waist, both ways round, as way-points of a file.
+
+    Their curvature changes sign, and they turn within 8 mm; the points are even only to a tenth of a micrometre.
+    """
+    return tuple(_round_bracket(number, 2e-3 * number, step) for number in range(1, count + 1))
+
+
+def _round_bracket(number: int, inset: float, step: float) -> Course:
+    """A course about as far inside the bracket's edge as the inset, metres; odd numbers go anticlockwise."""
+    turn = np.linspace(0.3, 0.3 + 2 * math.pi, 40001) * (1 if number % 2 else -1)
+    waist = 1 - 0.5 * np.sin(turn) ** 2
+    x, y = (0.087 - inset) * np.cos(turn), (0.028 - inset) * waist * np.sin(turn)
+    points = np.stack([x, y, 0.036 - 4 * x**2 + 2 * x * y], axis=1)
+    normals = np.stack([8 * x - 2 * y, -2 * x, np.ones_like(x)], axis=1)
+    along = np.concatenate([[0.0], np.linalg.norm(np.diff(points, axis=0), axis=1).cumsum()])
+    rows = np.searchsorted(along, np.arange(0.0, along[-1] - step / 2, step))
+    points, normals = np.round(points[rows], 7), normals[rows] / np.linalg.norm(normals[rows], axis=1)[:, None]
+    lengths = np.concatenate([[0.0], np.linalg.norm(np.diff(points, axis=0), axis=1).cumsum()])
+    return Course(number, points, normals, lengths, (math.pi / 4, math.pi / 4))
+
+
+def arc(n: int = 101, length: float = 2.0, radius: float = 1.5) -> Toolpath:
+    """A course up a cylinder of 1.5 m about the y axis."""
+    angle = np.linspace(0, length / radius, n)
+    normals = np.stack([np.sin(angle), np.zeros(n), np.cos(angle)], axis=1)
+    return Toolpath(1, radius * normals, normals, radius * angle)

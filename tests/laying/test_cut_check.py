@@ -12,15 +12,14 @@ from tapelayer.laying.cut_check import judge_cuts
 from tapelayer.laying.evidence import Samples, TapeLedger
 from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.settings import Setup
-from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.units import DEG, MM
 from tapelayer.verification.failures import Failure
+from tests.helpers.machines import TEN_AXES, tape_layer
 from tests.helpers.plies import exported, job_of
-from tests.helpers.surfaces import flat_course, helix_course, setup_of
+from tests.helpers.setups import setup_of
+from tests.helpers.surfaces import flat_course, helix_course
 
-MACHINE = Machine.load()
-NAMES = MACHINE.names
 REACH = 0.0475  # half of 75 mm and 10 mm of clearance
 KNIVES = {1: ("v", "d", Event.KNIFE_1_DOWN, Event.KNIFE_1_UP), 2: ("q", "e", Event.KNIFE_2_DOWN, Event.KNIFE_2_UP)}
 OUT = np.array([0.0, 1.0, 0.0])
@@ -30,7 +29,7 @@ class Program:
     """A program made by hand, block by block; every motion takes a second."""
 
     def __init__(self) -> None:
-        self.at = dict.fromkeys(NAMES, 0.0) | {"v": REACH, "q": -REACH}
+        self.at = dict.fromkeys(TEN_AXES, 0.0) | {"v": REACH, "q": -REACH}
         self.blocks: list[tuple[dict[str, float], Kind, float, Event]] = []
 
     def go(self, seconds: float = 1.0, **axes: float) -> None:
@@ -62,11 +61,11 @@ class Program:
     @property
     def trajectory(self) -> Trajectory:
         count = len(self.blocks)
-        start = np.zeros(len(NAMES))
+        start = np.zeros(len(TEN_AXES))
         return Trajectory(
-            axes=NAMES,
+            axes=TEN_AXES,
             start=start,
-            positions=np.array([[at[name] for name in NAMES] for at, *_ in self.blocks]),
+            positions=np.array([[at[name] for name in TEN_AXES] for at, *_ in self.blocks]),
             kinds=np.array([kind for _, kind, _, _ in self.blocks], np.uint8),
             durations=np.array([seconds for _, _, seconds, _ in self.blocks]),
             events=np.array([event for *_, event in self.blocks], np.uint8),
@@ -82,8 +81,17 @@ def laid(number: int, station: float, length: float, *angles: float, begin: floa
 
 
 def judged(program: Program, *courses: Laid, setup: Setup | None = None) -> tuple[TapeLedger, list[Failure]]:
+    machine = tape_layer()
     return judge_cuts(
-        Case(program.trajectory, courses, Samples.joined([]), 0.0, setup or setup_of(), MACHINE, np.zeros(len(NAMES)))
+        Case(
+            program.trajectory,
+            courses,
+            Samples.joined([]),
+            0.0,
+            setup or setup_of(),
+            machine,
+            np.zeros(len(machine.axes)),
+        )
     )
 
 
@@ -335,7 +343,7 @@ def test_the_heater_is_off_in_stops_that_are_too_long(stop: float) -> None:
     off, on = (trajectory.times[trajectory.events == event] for event in (Event.HEATER_OFF, Event.HEATER_ON))
     if pause:
         assert on[1::2] - off[::2] == pytest.approx([64.0, 64.0], rel=1e-4)
-        fed = trajectory.positions[1:, NAMES.index("u")]
+        fed = trajectory.positions[1:, TEN_AXES.index("u")]
         for begin, end in zip(off[::2], on[1::2], strict=True):
             assert np.ptp(np.interp(np.linspace(begin, end, 9), trajectory.times[1:], fed)) == 0.0
 
@@ -356,7 +364,7 @@ def test_delayed_knives_cut_where_prompt_ones_do(delay: int, angles: tuple[float
     if delay:
         trajectory = planned.trajectory
         rows = np.flatnonzero(trajectory.events == Event.KNIFE_1_DOWN)
-        slides = trajectory.positions[1:, NAMES.index("v")]
+        slides = trajectory.positions[1:, TEN_AXES.index("v")]
         effects = np.interp(trajectory.times[rows] + delay * 1e-3, trajectory.times[1:], slides)
         assert np.max(np.abs(np.abs(effects) - REACH)) < 1e-6
 

@@ -15,12 +15,11 @@ from tapelayer.geometry.toolpath import Toolpath
 from tapelayer.laying.linearisation import CourseMotion, Poses, block_ends, course_motion
 from tapelayer.laying.placing import courses_in_machine
 from tapelayer.machines import gantry
-from tapelayer.machines.machine import Machine
 from tapelayer.units import DEG
-from tests.helpers.surfaces import circle_course, flat_course, helix, helix_course, setup_of
+from tests.helpers.machines import LENGTHS, tape_layer
+from tests.helpers.setups import setup_of
+from tests.helpers.surfaces import circle_course, flat_course, helix, helix_course
 
-MACHINE = Machine.load()
-LENGTHS = gantry.lengths(MACHINE)
 ORIGIN = np.array([0.3, -1.9, -1.4])
 
 
@@ -34,8 +33,8 @@ def ends_of(motion: CourseMotion, tolerance: float = 2e-5, axis_tolerance: float
 
 
 def full(joints: Floats) -> Floats:
-    rows = np.zeros((len(joints), len(MACHINE.axes)))
-    rows[:, [MACHINE.column(name) for name in gantry.POSE]] = joints
+    rows = np.zeros((len(joints), len(tape_layer().axes)))
+    rows[:, [tape_layer().column(name) for name in gantry.POSE]] = joints
     return rows
 
 
@@ -63,7 +62,7 @@ def test_joint_lines_stay_within_the_tolerances(
     poses = ends_of(motion, tolerance, axis_tolerance)
     arc_lengths = between(poses.arc_lengths[:, None], 40)[:, 0]
     points, normals, tangents = helix(arc_lengths, **shape)
-    pose = MACHINE.forward(full(between(poses.joints, 40)), "roller")
+    pose = tape_layer().forward(full(between(poses.joints, 40)), "roller")
     off = pose[:, :3, 3] - (points + ORIGIN + LENGTHS.radius * normals)
     # The file's spline is not the helix itself.
     spline = 1e-8 + 2 * (0.5 / n) ** 4 / radius**3
@@ -111,7 +110,7 @@ def test_effects_are_the_derivatives_of_the_forward_model() -> None:
 def test_tool_points_and_roller_axes_are_pinocchios() -> None:
     joints = np.random.default_rng(8).uniform(-3.0, 3.0, (300, 5))
     for frame, reach in (("contact", LENGTHS.l6), ("roller", LENGTHS.l6 - LENGTHS.radius)):
-        pose = MACHINE.forward_pinocchio(full(joints), frame)
+        pose = tape_layer().forward_pinocchio(full(joints), frame)
         assert np.max(np.abs(gantry.tool_points(LENGTHS, reach, joints) - pose[:, :3, 3])) < 1e-12
         assert np.max(np.abs(gantry.roller_axes(joints) + pose[:, :3, 1])) < 1e-12
         assert np.max(np.abs(gantry.normals(joints) - pose[:, :3, 2])) < 1e-12
@@ -121,7 +120,7 @@ def test_the_papers_form_is_followed_at_the_nose() -> None:
     motion = motion_of(helix_course(heading=0.0), "published")
     poses = ends_of(motion)
     arc_lengths = between(poses.arc_lengths[:, None], 20)[:, 0]
-    pose = MACHINE.forward(full(between(poses.joints, 20)), "contact")
+    pose = tape_layer().forward(full(between(poses.joints, 20)), "contact")
     points, _, _ = helix(arc_lengths, heading=0.0)
     assert np.max(np.linalg.norm(pose[:, :3, 3] - points - ORIGIN, axis=1)) < 2.1e-5
 

@@ -18,7 +18,8 @@ from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.units import DEG, MM
 from tapelayer.verification.failures import Failure
-from tests.helpers.surfaces import flat_course, setup_of
+from tests.helpers.setups import setup_of
+from tests.helpers.surfaces import flat_course
 
 MACHINE = Machine.load()
 COLUMN = {name: column for column, name in enumerate(MACHINE.names)}

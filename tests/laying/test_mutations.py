@@ -17,10 +17,10 @@ from tapelayer.errors import ProgramRefused
 from tapelayer.laying.job import Job
 from tests.helpers.plies import cut_at, exported, job_of
 from tests.helpers.replay import WORD, faults_of_the_tape
-from tests.helpers.surfaces import flat_course, helix_course, setup_of
+from tests.helpers.setups import WIDE, setup_of
+from tests.helpers.surfaces import flat_course, helix_course
 
 AXES = "XYZACUVQDE"
-WIDE = "[machine]\nlimits_deg = {c = [-180, 180], a = [-30, 30]}\n"
 
 
 def helices(count: int, *angles: float, length: float = 0.4, heading: float = 0.3) -> tuple[Course, ...]:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import itertools
 import re
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from post.controllers import load
-from tapelayer.courses.course_file import read_courses
 from tapelayer.errors import (
     AxisBeyondTravel,
     BladesMeet,
@@ -25,46 +23,28 @@ from tapelayer.errors import (
     TapeWiderThanTravel,
 )
 from tapelayer.units import DEG, MM
-from tests.helpers.plies import CONTROLLER, Chance, cut_at, exported, job_of, saddle_course
+from tests.helpers.plies import PLIES, Chance, courses_of, cut_at, exported, job_of, saddle_course
 from tests.helpers.replay import faults_of_the_tape, replayed
-from tests.helpers.surfaces import flat_course, helix_course, setup_of
+from tests.helpers.setups import CLOSED, setup_of
+from tests.helpers.surfaces import flat_course, helix_course
 
-WIDE = "[machine]\nlimits_deg = {c = [-180, 180], a = [-30, 30]}\n"
-CLOSED = """
-[part]
-l1_mm = 1200
-l2_mm = -1000
-[machine]
-limits_deg = {c = [-330, 330], a = [-40, 40]}
-[head]
-run_out = "none"
-wrap_compensation = false
-"""
-FILES = {
-    "flat_panel_00": "",
-    "boss_panel_20": "",
-    "cylinder_panel_15": "",
-    "wing_skin_00": "",
-    "wing_skin_45": WIDE,
-    "real/GEBracket_151": CLOSED,
-}
 WIDTHS = (75, 150, 300)
 ANGLES = (20, 60, 89.9, 90, 120, 160)
 NIPS = (200, 350, 500, 800)
-# Every width with every angle for every file, the distance from knife to nip in turn.
+# Every width with every angle for every ply, the distance from knife to nip in turn.
 MATRIX = [
     (name, width, angle, NIPS[(number + turn) % len(NIPS)])
-    for number, name in enumerate(FILES)
+    for number, name in enumerate(PLIES)
     for turn, (width, angle) in enumerate(itertools.product(WIDTHS, ANGLES))
-    if name != "real/GEBracket_151" or turn % 4 == 1
+    if PLIES[name] != CLOSED or turn % 4 == 1
 ]
 
 
 @pytest.mark.parametrize(("name", "width", "angle", "nip"), MATRIX)
-def test_every_shared_file_is_cut_at_any_angle(shared: Path, name: str, width: float, angle: float, nip: float) -> None:
-    setup = setup_of(FILES[name]).with_values("tape", width_mm=width)
+def test_every_ply_is_cut_at_any_angle(name: str, width: float, angle: float, nip: float) -> None:
+    setup = setup_of(PLIES[name]).with_values("tape", width_mm=width)
     setup = setup.with_values("head", **(setup.head.model_dump(exclude_unset=True) | {"knife_to_nip_mm": nip}))
-    job = job_of(cut_at(read_courses(shared / "courses" / f"{name}.txt"), angle), setup)
+    job = job_of(cut_at(courses_of(name), angle), setup)
     text, evidence = exported(job)
     assert evidence.passed, evidence.worst(5)
     cuts = evidence.tape.cuts
@@ -119,7 +99,7 @@ def test_tape_over_a_saddle_is_fed_with_the_wrap(angle: float) -> None:
 
 def test_a_ply_beyond_the_longest_word_is_refused_by_name() -> None:
     courses = tuple(flat_course(k, length=1.0, n=3, x=0.05 * k) for k in range(1, 12))
-    short = CONTROLLER.model_copy(update={"max_word": 9999.999})
+    short = load("jb3208").model_copy(update={"max_word": 9999.999})
     with pytest.raises(NotWritable, match=r"axis u would be at \d+\.\d+ mm, beyond the largest word.*9999\.999"):
         exported(job_of(courses, setup_of(), short))
     assert exported(job_of(courses, setup_of()))[1].passed

@@ -16,16 +16,16 @@ from tapelayer.errors import AxisBeyondTravel, PartTooHigh, TapeRunsBack
 from tapelayer.laying.inspection import Inspector
 from tapelayer.laying.program import plan
 from tapelayer.laying.settings import Setup
-from tapelayer.machines import gantry
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.stroke import SAME_TIME
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.units import DEG, MM
-from tests.helpers.surfaces import SQUARE, circle_course, flat_course, helix, helix_course, setup_of
+from tests.helpers.machines import LENGTHS, TEN_AXES, tape_layer
+from tests.helpers.paths import EXAMPLES
+from tests.helpers.setups import setup_of
+from tests.helpers.surfaces import SQUARE, circle_course, flat_course, helix, helix_course
 
-MACHINE = Machine.load()
-LENGTHS = gantry.lengths(MACHINE)
-COLUMN = {name: column for column, name in enumerate(MACHINE.names)}
+COLUMN = {name: column for column, name in enumerate(TEN_AXES)}
 KNIFE_EVENTS = [Event.KNIFE_1_DOWN, Event.KNIFE_1_UP, Event.KNIFE_2_DOWN, Event.KNIFE_2_UP]
 # What lies before the first course: a square leading cut needs no more than the scrap margin.
 FIRST_STATION = 0.005
@@ -39,12 +39,12 @@ COURSE_EVENTS = [
 ]
 
 
-def planned(*courses: Course, setup: Setup | None = None, machine: Machine = MACHINE) -> Trajectory:
-    return plan(courses, setup or setup_of(), machine)
+def planned(*courses: Course, setup: Setup | None = None, machine: Machine | None = None) -> Trajectory:
+    return plan(courses, setup or setup_of(), machine or tape_layer())
 
 
 def wide(lower: float = -720.0, upper: float = 720.0) -> Machine:
-    return MACHINE.with_limits({"c": (lower * DEG, upper * DEG), "a": (-40 * DEG, 40 * DEG)}, {})
+    return tape_layer().with_limits({"c": (lower * DEG, upper * DEG), "a": (-40 * DEG, 40 * DEG)}, {})
 
 
 def at_events(trajectory: Trajectory, event: Event) -> np.ndarray:
@@ -79,7 +79,7 @@ def test_the_link_goes_up_first_and_down_last() -> None:
     sideways = [i for name, i in COLUMN.items() if name != "z"]
     assert up[COLUMN["z"]] == over[COLUMN["z"]]
     # The edge of the roller, on the side to which it is rolled, keeps the clearance.
-    pose = MACHINE.forward(np.array([up, over]), "roller")
+    pose = tape_layer().forward(np.array([up, over]), "roller")
     edges = pose[:, 2, 3] - LENGTHS.radius - 75 * MM / 2 * np.abs(pose[:, 2, 1])
     assert np.min(edges) == pytest.approx(highest + 0.06, abs=1e-12)
     assert np.array_equal(up[sideways], before[sideways])
@@ -100,7 +100,7 @@ def test_a_rolled_head_that_cannot_rise_over_the_part_is_refused() -> None:
 
 
 def test_the_link_never_leaves_the_travel() -> None:
-    machine = MACHINE.with_limits({"z": (0.59, 0.8)}, {})
+    machine = tape_layer().with_limits({"z": (0.59, 0.8)}, {})
     trajectory = planned(
         flat_course(), machine=machine, setup=setup_of("[process]\napproach_mm = 5\nlink_clearance_mm = 500")
     )
@@ -111,7 +111,7 @@ def test_approach_and_retract_are_along_the_heads_normal() -> None:
     course = helix_course(heading=0.4)
     trajectory = planned(course)
     rows = np.flatnonzero(trajectory.events == Event.SHOE_DOWN)
-    pose = MACHINE.forward(
+    pose = tape_layer().forward(
         trajectory.positions[[rows[0] - 1, rows[0] - 2, len(trajectory) - 2, len(trajectory) - 1]], "contact"
     )
     for near, far in (pose[:2], pose[2:]):
@@ -125,7 +125,7 @@ def test_laying_puts_the_roller_on_the_surface_at_every_block() -> None:
     laid = laying_rows(trajectory)
     arc_lengths = trajectory.positions[laid, COLUMN["u"]] - 0.35 - FIRST_STATION
     points, normals, tangents = helix(arc_lengths, heading=0.4)
-    pose = MACHINE.forward_pinocchio(trajectory.positions[laid], "roller")
+    pose = tape_layer().forward_pinocchio(trajectory.positions[laid], "roller")
     centre = points + [0.3, -1.9, -1.4] + LENGTHS.radius * normals
     assert np.max(np.abs(pose[:, :3, 3] - centre)) < 2e-8
     assert np.max(np.abs(-pose[:, :3, 1] - np.cross(tangents, normals))) < 1e-6
@@ -148,7 +148,7 @@ def test_tape_is_one_continuous_coordinate_with_wrap() -> None:
     trajectory = planned(*courses, machine=wide())
     for index in range(2):
         rows = laying_rows(trajectory, index)
-        pose = MACHINE.forward(trajectory.positions[rows], "roller")
+        pose = tape_layer().forward(trajectory.positions[rows], "roller")
         u = trajectory.positions[rows, COLUMN["u"]] - 0.35 - FIRST_STATION - index * 0.6
         arc_lengths = u.copy()
         for _ in range(60):
@@ -202,7 +202,7 @@ def test_run_out_goes_along_the_tangent_with_the_tape_at_rest() -> None:
     course = helix_course(heading=0.4)
     trajectory = planned(course)
     rows = [int(np.flatnonzero(trajectory.events == e)[0]) for e in (Event.SHOE_UP, Event.ROLLER_UP)]
-    end, out = MACHINE.forward(trajectory.positions[rows], "roller")
+    end, out = tape_layer().forward(trajectory.positions[rows], "roller")
     _, _, tangents = helix(np.array([0.6]), heading=0.4)
     assert np.allclose(out[:3, 3] - end[:3, 3], 0.06 * tangents[0], atol=1e-6)
     assert trajectory.positions[rows[0], COLUMN["u"]] == trajectory.positions[rows[1], COLUMN["u"]]
@@ -230,7 +230,7 @@ def test_delays_move_words_ahead_by_just_that_time(shoe: float, roller: float, h
     # The path is the same at every time: only words moved.
     threaded = plain.times[np.flatnonzero(plain.kinds == Kind.LINEAR)[0]]
     rows = delayed.times > threaded + wait
-    for column in range(len(MACHINE.names)):
+    for column in range(len(tape_layer().names)):
         there = np.interp(delayed.times[rows] - wait, plain.times[1:], plain.positions[1:, column])
         assert np.allclose(there, delayed.positions[rows, column], atol=SAME_TIME)
 
@@ -278,10 +278,10 @@ def test_axes_beyond_travel_are_named_all_at_once() -> None:
     assert len(sentences) == 3
 
 
-def test_wing_skin_45_says_that_table_1_looks_swapped(shared: object) -> None:
-    courses = read_courses(shared / "courses" / "wing_skin_45.txt")  # type: ignore[operator]
+def test_wing_skin_45_says_that_table_1_looks_swapped() -> None:
+    courses = read_courses(EXAMPLES / "wing_skin_45.txt")
     with pytest.raises(AxisBeyondTravel, match="look swapped"):
-        plan(courses, setup_of(), MACHINE)
+        plan(courses, setup_of(), tape_layer())
 
 
 def test_planning_is_deterministic() -> None:
@@ -303,13 +303,13 @@ def test_a_blade_that_turns_alone_turns_while_everything_else_rests() -> None:
         replace(helix_course(k, start=(0.3 + 0.1 * k, 0.0)), cut_angles=(math.radians(a), math.radians(b)))
         for k, (a, b) in enumerate([(90, 60), (40, 130), (75, 90), (110, 35), (50, 50)], 1)
     ]
-    free, alone = (plan(courses, setup_of(), MACHINE, frozenset(axes)) for axes in ("", "e"))
+    free, alone = (plan(courses, setup_of(), tape_layer(), frozenset(axes)) for axes in ("", "e"))
     blade = COLUMN["e"]
-    others = [column for column in range(len(MACHINE.names)) if column != blade]
+    others = [column for column in range(len(tape_layer().names)) if column != blade]
     for trajectory, expected in ((free, False), (alone, True)):
         feeding = np.flatnonzero(trajectory.kinds == Kind.LINEAR)
         steps = trajectory.positions[feeding] - trajectory.begins(feeding)
         turning = steps[:, blade] != 0.0
         assert np.any(turning)
         assert (not np.any(steps[turning][:, others])) == expected
-    assert Inspector(courses, setup_of(), MACHINE).judge(alone).passed
+    assert Inspector(courses, setup_of(), tape_layer()).judge(alone).passed

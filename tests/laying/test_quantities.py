@@ -29,7 +29,8 @@ from tapelayer.verification.failures import Failure
 from tests.helpers.judged import SHA256, axes, evidence, ledger, numbers_of, samples, worn
 from tests.helpers.pages import page
 from tests.helpers.paths import EXAMPLES, ROOT
-from tests.helpers.surfaces import helix_course, setup_of
+from tests.helpers.setups import setup_of
+from tests.helpers.surfaces import helix_course
 
 KEYS = {
     "version": "",

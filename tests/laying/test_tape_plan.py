@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,29 +13,12 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 from tapelayer.arrays import Floats, Mask
-from tapelayer.errors import (
-    BladesMeet,
-    CourseLongerThanRoll,
-    CoursesRefused,
-    CutAngleTooSmall,
-    CutsCross,
-    TapeWiderThanTravel,
-)
+from tapelayer.errors import CourseLongerThanRoll, CoursesRefused, CutAngleTooSmall, CutsCross
 from tapelayer.laying.head import Head
 from tapelayer.laying.tape_plan import KnifeSteps, Step, TapePlan, plan_tape
+from tests.helpers.heads import HEAD
+from tests.helpers.paths import EXAMPLES
 
-HEAD = Head(
-    tape_width=0.3,
-    knife_to_nip=0.35,
-    knife_pitch=0.1,
-    knife_clearance=0.01,
-    scrap_margin=0.005,
-    blade_length=0.02,
-    travel_v=(-0.2, 0.2),
-    travel_q=(-0.2, 0.2),
-    minimum_cut_angle=math.radians(15.0),
-    roll_length=150.0,
-)
 NEAR = 1e-8
 
 
@@ -626,10 +608,10 @@ def test_a_ply_of_many_courses_on_many_rolls() -> None:
 
 @pytest.mark.parametrize("width", [0.075, 0.15, 0.3])
 @pytest.mark.parametrize("name", ["boss_panel_20", "cylinder_panel_15", "flat_panel_00", "wing_skin_45"])
-def test_shared_plies(shared: Path, name: str, width: float) -> None:
+def test_plies_of_the_examples(name: str, width: float) -> None:
     lengths: list[float] = []
     last = 0.0
-    for line in (shared / "courses" / f"{name}.txt").read_text().splitlines():
+    for line in (EXAMPLES / f"{name}.txt").read_text().splitlines():
         words = line.split()
         if len(words) == 7:
             last = float(words[6]) * 1e-3
@@ -686,27 +668,6 @@ def test_a_course_longer_than_a_roll_is_refused() -> None:
         "course 2: 149700.000 mm long, it needs 150.155 m of tape with the waste before it and what lies between "
         "knives and nip, but a roll holds 150 m; split it"
     )
-
-
-def test_tape_wider_than_the_knives_travel_is_refused() -> None:
-    with pytest.raises(TapeWiderThanTravel) as refused:
-        ply(replace(HEAD, tape_width=0.4), [1.0], [(90.0, 90.0)])
-    assert str(refused.value) == (
-        "tape of 400 mm needs knife 1 (axis v) from -210 to 210 mm, 10 mm beyond both edges, but it travels from "
-        "-200 to 200 mm; the widest tape is 380 mm"
-    )
-    ply(replace(HEAD, tape_width=0.38), [1.0], [(90.0, 90.0)])
-    with pytest.raises(TapeWiderThanTravel, match="knife 2 .axis q."):
-        ply(replace(HEAD, travel_q=(-0.1, 0.2)), [1.0], [(90.0, 90.0)])
-
-
-def test_blades_longer_than_the_pitch_are_refused() -> None:
-    with pytest.raises(BladesMeet) as refused:
-        ply(replace(HEAD, blade_length=0.11), [1.0], [(90.0, 90.0)])
-    assert str(refused.value) == (
-        "blades of 110 mm would meet, as the knives pass each other at 100 mm; blade_length_mm must not be more"
-    )
-    ply(replace(HEAD, blade_length=0.1), [1.0], [(90.0, 90.0)])
 
 
 def test_arrays_that_do_not_fit_are_refused() -> None:

@@ -15,12 +15,10 @@ from tapelayer.errors import ModelRefused
 from tapelayer.machines import gantry
 from tapelayer.machines.gantry import POSE, Lengths, Published, Roller
 from tapelayer.machines.machine import CHUNK, Machine
-from tests.helpers.paths import SHARED
+from tests.helpers.machines import LENGTHS, tape_layer
+from tests.helpers.paths import EXAMPLES
 from urdf import TAPELAYER
 
-COURSES = SHARED / "courses"
-MACHINE = Machine.load()
-LENGTHS = Lengths(l4=0.35, l5=0.06, l6=0.45, radius=0.04)
 BARE = Lengths(l4=0.35, l5=0.06, l6=0.45, radius=0.0)
 
 BODY = pinocchio.FrameType.BODY
@@ -35,9 +33,9 @@ vector = st.tuples(component, component, component)
 
 def reached(joints: Floats, frame: str) -> Floats:
     """Poses (n, 4, 4) of a frame by Pinocchio for (n, 5) pose values."""
-    q = np.zeros((len(joints), len(MACHINE.axes)))
-    q[:, [MACHINE.column(name) for name in POSE]] = joints
-    return MACHINE.forward_pinocchio(q, frame)
+    q = np.zeros((len(joints), len(tape_layer().axes)))
+    q[:, [tape_layer().column(name) for name in POSE]] = joints
+    return tape_layer().forward_pinocchio(q, frame)
 
 
 def rows(*values: float) -> Floats:
@@ -45,12 +43,9 @@ def rows(*values: float) -> Floats:
 
 
 def course_file(name: str) -> list[Floats]:
-    """Courses of a file as (n, 6) points in `machine` axes and normals, metres; l1, l2, l3 of the data's README."""
-    path = COURSES / name
-    if not path.exists():
-        pytest.skip(f"{path} is not there")
+    """Courses of a file as (n, 6) points in `machine` axes and normals, metres, by the default l1, l2, l3."""
     courses: list[Floats] = []
-    for block in path.read_text().split("start")[1:]:
+    for block in (EXAMPLES / name).read_text().split("start")[1:]:
         samples = np.array([line.split() for line in block.split("end")[0].strip().splitlines()[1:]], dtype=float)
         samples[:, :3] = (samples[:, :3] + [300.0, -1900.0, -1400.0]) / 1000.0
         samples[:, 3:6] /= np.linalg.norm(samples[:, 3:6], axis=1)[:, None]
@@ -64,7 +59,7 @@ def along(course: Floats) -> Floats:
 
 
 def test_lengths_are_those_of_the_file() -> None:
-    assert gantry.lengths(MACHINE) == LENGTHS
+    assert gantry.lengths(tape_layer()) == LENGTHS
 
 
 @given(d1=slide, d2=slide, d3=slide, c=heading, a=roll, pitch=st.one_of(st.sampled_from(ROUND), st.floats(-1.5, 1.5)))
@@ -78,7 +73,7 @@ def test_the_inverse_gives_back_the_pose_that_was_taken(
     n = np.cos(pitch) * m - np.sin(pitch) * h
     t = np.cos(pitch) * h + np.sin(pitch) * m
     point = roller[:, :3, 3] - LENGTHS.radius * n
-    found = gantry.inverse(MACHINE, point, n, t)
+    found = gantry.inverse(tape_layer(), point, n, t)
     difference = found[0] - pose
     difference[:, 3] = np.remainder(difference[:, 3] + np.pi, 2 * np.pi) - np.pi
     np.testing.assert_allclose(difference, 0.0, rtol=0, atol=1e-12)
@@ -98,7 +93,7 @@ def test_both_branches_put_the_roller_on_the_surface(
     assume(np.linalg.norm(axis) > 0.01 * np.linalg.norm(t))
     axis /= np.linalg.norm(axis)
     assume(np.hypot(axis[0, 0], axis[0, 1]) > 0.01)
-    found = gantry.inverse(MACHINE, p, n, t)
+    found = gantry.inverse(tape_layer(), p, n, t)
     for joints, sense in zip(found, (1.0, -1.0), strict=True):
         roller = reached(joints, "roller")[0]
         np.testing.assert_allclose(-roller[:3, 1], sense * axis[0], rtol=0, atol=1e-12)
@@ -137,7 +132,7 @@ def test_tool_points_roller_axes_and_their_changes_are_those_of_pinocchio(
     seen = reached(pose, frame)[0]
     np.testing.assert_allclose(gantry.tool_points(LENGTHS, reach, pose)[0], seen[:3, 3], rtol=0, atol=1e-12)
     np.testing.assert_allclose(gantry.roller_axes(pose)[0], -seen[:3, 1], rtol=0, atol=1e-12)
-    model = MACHINE.model
+    model = tape_layer().model
     q, speed = np.zeros(model.nq), np.zeros(model.nv)
     for name, value, rate in zip(POSE, pose[0], change[0], strict=True):
         q[model.idx_qs[model.getJointId(name)]] = value
@@ -169,14 +164,14 @@ def test_a_point_without_a_pose_is_nan_in_every_axis_and_alone(
 ) -> None:
     n = np.array([(0.0, 0.0, 1.0), normal, (0.0, 0.0, 1.0)])
     t = np.array([(0.0, 1.0, 0.0), tangent, (0.0, 1.0, 0.0)])
-    found = gantry.inverse(MACHINE, np.zeros((3, 3)), n, t)
+    found = gantry.inverse(tape_layer(), np.zeros((3, 3)), n, t)
     assert np.isnan(found[:, 1]).all()
     assert np.isfinite(found[:, [0, 2]]).all()
 
 
 def test_a_vertical_path_still_has_a_heading() -> None:
     # Straight up a wall that faces -y: the roller lies level, and the head comes from above.
-    found = gantry.inverse(MACHINE, rows(0.0, 0.0, -1.0), rows(0.0, -1.0, 0.0), rows(0.0, 0.0, 1.0))
+    found = gantry.inverse(tape_layer(), rows(0.0, 0.0, -1.0), rows(0.0, -1.0, 0.0), rows(0.0, 0.0, 1.0))
     np.testing.assert_allclose(found[0, 0, 3:], [0.0, 0.0], rtol=0, atol=1e-15)
     np.testing.assert_allclose(gantry.wrap(found[0], rows(0.0, 0.0, 1.0)), np.pi / 2, rtol=0, atol=1e-15)
 
@@ -299,12 +294,12 @@ def test_chunks_join_without_a_seam(count: int) -> None:
     points, tangents = chance.normal(size=(count, 3)), chance.normal(size=(count, 3))
     normals = chance.normal(size=(count, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    found = gantry.inverse(MACHINE, points, normals, tangents)
+    found = gantry.inverse(tape_layer(), points, normals, tangents)
     assert found.shape == (2, count, 5)
     for row in sorted({0, CHUNK - 1, CHUNK, count - 1} & set(range(count))):
         alone = slice(row, row + 1)
         np.testing.assert_array_equal(
-            found[:, alone], gantry.inverse(MACHINE, points[alone], normals[alone], tangents[alone])
+            found[:, alone], gantry.inverse(tape_layer(), points[alone], normals[alone], tangents[alone])
         )
 
 

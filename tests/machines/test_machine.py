@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from tapelayer.arrays import Floats
 from tapelayer.errors import ConfigurationRefused, ModelRefused
 from tapelayer.machines.machine import CHUNK, Axis, Machine
+from tests.helpers.machines import tape_layer
 from urdf import TAPELAYER
 
 ROBOTS = Path(str(distribution("example-robot-data").locate_file("cmeel.prefix/share/example-robot-data/robots")))
@@ -167,25 +168,22 @@ def test_columns_are_the_entries_of_forward_and_constants_are_numbers() -> None:
 
 @given(st.floats(-2000.0, 2000.0))
 def test_rotations_stay_rotations(turn: float) -> None:
-    machine = MACHINE
+    machine = tape_layer()
     rotation = machine.forward(np.full((1, 10), turn), "knife_1")[0, :3, :3]
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), rtol=0, atol=1e-14)
     assert np.linalg.det(rotation) == pytest.approx(1.0, abs=1e-14)
 
 
-MACHINE = Machine.load()
-
-
 def test_with_limits_changes_only_what_is_named() -> None:
-    changed = MACHINE.with_limits({"c": (-3.0, 3.0), "a": (-0.5, 0.5)}, {"c": 2.0, "x": 0.25})
+    changed = tape_layer().with_limits({"c": (-3.0, 3.0), "a": (-0.5, 0.5)}, {"c": 2.0, "x": 0.25})
     assert changed.axis("c") == Axis("c", True, -3.0, 3.0, 2.0)
-    assert changed.axis("a") == Axis("a", True, -0.5, 0.5, MACHINE.axis("a").speed)
+    assert changed.axis("a") == Axis("a", True, -0.5, 0.5, tape_layer().axis("a").speed)
     assert changed.axis("x") == Axis("x", False, 0.0, 2.5, 0.25)
     for name in "yzuvdqe":
-        assert changed.axis(name) == MACHINE.axis(name)
-    assert MACHINE.axis("x").speed == 1.0
-    q = sampled(MACHINE, 5)
-    np.testing.assert_array_equal(changed.forward(q, "roller"), MACHINE.forward(q, "roller"))
+        assert changed.axis(name) == tape_layer().axis(name)
+    assert tape_layer().axis("x").speed == 1.0
+    q = sampled(tape_layer(), 5)
+    np.testing.assert_array_equal(changed.forward(q, "roller"), tape_layer().forward(q, "roller"))
 
 
 @pytest.mark.parametrize(
@@ -202,7 +200,7 @@ def test_with_limits_changes_only_what_is_named() -> None:
 )
 def test_limits_that_cannot_be(travel: dict[str, tuple[float, float]], speeds: dict[str, float], sentence: str) -> None:
     with pytest.raises(ModelRefused) as refused:
-        MACHINE.with_limits(travel, speeds)
+        tape_layer().with_limits(travel, speeds)
     assert str(refused.value) == f"{TAPELAYER}: {sentence}"
 
 
@@ -216,7 +214,7 @@ def test_limits_that_cannot_be(travel: dict[str, tuple[float, float]], speeds: d
     ],
 )
 def test_axis_values_that_cannot_be(q: Floats, sentence: str) -> None:
-    for evaluate in (MACHINE.forward, MACHINE.forward_pinocchio, MACHINE.columns):
+    for evaluate in (tape_layer().forward, tape_layer().forward_pinocchio, tape_layer().columns):
         with pytest.raises(ConfigurationRefused) as refused:
             evaluate(q, "roller")
         assert str(refused.value) == sentence
@@ -226,17 +224,17 @@ def test_opposite_infinities_do_not_cancel() -> None:
     q = np.zeros((2, 10))
     q[0, 0], q[1, 0] = np.inf, -np.inf
     with pytest.raises(ConfigurationRefused, match="row 0: axis x is inf"):
-        MACHINE.forward(q, "roller")
+        tape_layer().forward(q, "roller")
 
 
 def test_values_whose_sum_overflows_are_still_finite() -> None:
     q = np.zeros((2, 10))
     q[:, 0] = 1e308
-    assert MACHINE.forward(q, "roller")[0, 0, 3] == 1e308
+    assert tape_layer().forward(q, "roller")[0, 0, 3] == 1e308
 
 
 def test_an_unknown_frame_is_refused_with_the_nearest_name() -> None:
-    for evaluate in (MACHINE.forward, MACHINE.forward_pinocchio, MACHINE.columns):
+    for evaluate in (tape_layer().forward, tape_layer().forward_pinocchio, tape_layer().columns):
         with pytest.raises(ModelRefused) as refused:
             evaluate(np.zeros((1, 10)), "rolller")
         assert str(refused.value) == f"{TAPELAYER}: no frame 'rolller'; the nearest name is 'roller'"

@@ -6,12 +6,11 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-import yourdfpy
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tapelayer.arrays import Floats
-from tapelayer.machines.machine import Machine
+from tests.helpers.machines import by_yourdfpy, sprayer
 from urdf import SPRAYER, TAPELAYER
 
 AXES = ("x", "y", "z", "theta", "phi", "standoff")
@@ -26,8 +25,6 @@ LIMITS = {
 SPEEDS = {"x": 1.0, "y": 1.0, "z": 0.5, "theta": np.pi, "phi": np.pi / 2}
 MIMICS = {"phi_b": -1.0, "phi_e": 1.0, "phi_d": 1.0, "phi_g": -1.0}
 AB, AP, AD, EF = 0.4, 0.6, 0.25, 0.15
-MACHINE = Machine.load(SPRAYER)
-YOURDF = yourdfpy.URDF.load(str(SPRAYER), load_meshes=False)
 RODS = ("rod_ab", "rod_bce", "rod_ef", "rod_dgc", "rod_fg")
 ENDS = ("c_of_bce", "c_of_dgc", "f_of_ef", "f_of_fg")
 FRAMES = ("fork", *RODS, *ENDS, "P", "gun")
@@ -51,27 +48,27 @@ def gun_axes(q: Floats) -> Floats:
 
 
 def origins(q: Floats, frame: str) -> Floats:
-    return MACHINE.forward_pinocchio(q, frame)[:, :3, 3]
+    return sprayer().forward_pinocchio(q, frame)[:, :3, 3]
 
 
 def yourdfpy_pose(q: Floats, frame: str) -> Floats:
-    YOURDF.update_cfg(np.array(q, dtype=float))
-    pose: Floats = YOURDF.get_transform(frame, "machine")
+    by_yourdfpy(str(SPRAYER)).update_cfg(np.array(q, dtype=float))
+    pose: Floats = by_yourdfpy(str(SPRAYER)).get_transform(frame, "machine")
     return pose
 
 
 def test_axes_travel_and_speeds() -> None:
-    assert MACHINE.names == AXES
+    assert sprayer().names == AXES
     for name, (lower, upper) in LIMITS.items():
-        axis = MACHINE.axis(name)
+        axis = sprayer().axis(name)
         assert (axis.lower, axis.upper) == (lower, upper)
         assert axis.revolute == (name in ("theta", "phi"))
-    assert {name: MACHINE.axis(name).speed for name in SPEEDS} == SPEEDS
-    assert tuple(YOURDF.actuated_joint_names) == AXES
+    assert {name: sprayer().axis(name).speed for name in SPEEDS} == SPEEDS
+    assert tuple(by_yourdfpy(str(SPRAYER)).actuated_joint_names) == AXES
 
 
 def test_every_mimic_follows_phi_itself() -> None:
-    model = MACHINE.model
+    model = sprayer().model
     phi = model.joints[model.getJointId("phi")]
     found = {}
     for name in MIMICS:
@@ -88,7 +85,7 @@ def test_every_mimic_follows_phi_itself() -> None:
 def test_p_stays_put_by_pinocchio() -> None:
     q = grid()
     np.testing.assert_allclose(origins(q, "P"), q[:, :3], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(MACHINE.forward(q, "P")[:, :3, 3], q[:, :3], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(sprayer().forward(q, "P")[:, :3, 3], q[:, :3], rtol=0, atol=1e-12)
 
 
 def test_p_stays_put_by_yourdfpy() -> None:
@@ -101,7 +98,7 @@ def test_the_gun_points_to_p_at_the_standoff() -> None:
     q = grid()
     n = gun_axes(q)
     for frame in ("P", "gun", "rod_ef"):
-        np.testing.assert_allclose(MACHINE.forward_pinocchio(q, frame)[:, :3, 2], n, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(sprayer().forward_pinocchio(q, frame)[:, :3, 2], n, rtol=0, atol=1e-12)
     np.testing.assert_allclose(origins(q, "gun") - origins(q, "P"), q[:, 5:] * n, rtol=0, atol=1e-12)
 
 
@@ -140,7 +137,7 @@ def test_yourdfpy_agrees_on_every_frame(shares: tuple[int, ...]) -> None:
     lower, upper = np.array(list(LIMITS.values())).T
     q = lower + np.array(shares) / 1000 * (upper - lower)
     for frame in FRAMES:
-        expected = MACHINE.forward_pinocchio(q[None], frame)[0]
+        expected = sprayer().forward_pinocchio(q[None], frame)[0]
         np.testing.assert_allclose(yourdfpy_pose(q, frame), expected, rtol=0, atol=1e-12, err_msg=frame)
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from functools import cache
 
 import numpy as np
 import pinocchio
 import pytest
-import yourdfpy
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tapelayer.arrays import Floats
+from tests.helpers.machines import by_yourdfpy
 from urdf import TAPELAYER
 
 AXES = tuple("xyzcauvdqe")
@@ -29,9 +30,6 @@ LIMITS = {
     "q": (-0.2, 0.2),
     "e": (-np.pi * 4 / 9, np.pi * 4 / 9),
 }
-MODEL = pinocchio.buildModelFromUrdf(str(TAPELAYER), mimic=True)
-DATA = MODEL.createData()
-YOURDF = yourdfpy.URDF.load(str(TAPELAYER), load_meshes=False)
 
 # Thousandths, because yourdfpy's scene graph drops a joint that stands closer than 1e-8 to its zero.
 fractions = st.tuples(*[st.integers(0, 1000).map(lambda share: share / 1000)] * len(AXES))
@@ -41,12 +39,18 @@ angle = st.one_of(
 length = st.floats(0.0, 3.0)
 
 
+@cache
+def model() -> pinocchio.Model:
+    return pinocchio.buildModelFromUrdf(str(TAPELAYER), mimic=True)
+
+
 def pinocchio_pose(values: dict[str, float], frame: str) -> Floats:
-    q = np.zeros(MODEL.nq)
+    q = np.zeros(model().nq)
     for name, value in values.items():
-        q[MODEL.idx_qs[MODEL.getJointId(name)]] = value
-    pinocchio.framesForwardKinematics(MODEL, DATA, q)
-    pose: Floats = DATA.oMf[MODEL.getFrameId(frame, pinocchio.FrameType.BODY)].homogeneous.copy()
+        q[model().idx_qs[model().getJointId(name)]] = value
+    data = model().createData()
+    pinocchio.framesForwardKinematics(model(), data, q)
+    pose: Floats = data.oMf[model().getFrameId(frame, pinocchio.FrameType.BODY)].homogeneous.copy()
     return pose
 
 
@@ -95,22 +99,22 @@ def contact_in_base(values: dict[str, float]) -> Floats:
 
 
 def test_the_axes_are_those_of_the_paper_with_the_travel_of_table_1() -> None:
-    assert sorted(MODEL.names[1:]) == sorted(AXES)
-    assert {joint.shortname() for joint in MODEL.joints[1:]} <= {
+    assert sorted(model().names[1:]) == sorted(AXES)
+    assert {joint.shortname() for joint in model().joints[1:]} <= {
         f"JointModel{kind}" for kind in ("PX", "PY", "RX", "RZ", "PrismaticUnaligned", "RevoluteUnaligned")
     }
     for name, (lower, upper) in LIMITS.items():
-        column = MODEL.idx_qs[MODEL.getJointId(name)]
-        assert MODEL.lowerPositionLimit[column] == pytest.approx(lower, abs=1e-15)
-        assert MODEL.upperPositionLimit[column] == pytest.approx(upper, abs=1e-15)
-        assert MODEL.velocityLimit[column] > 0
+        column = model().idx_qs[model().getJointId(name)]
+        assert model().lowerPositionLimit[column] == pytest.approx(lower, abs=1e-15)
+        assert model().upperPositionLimit[column] == pytest.approx(upper, abs=1e-15)
+        assert model().velocityLimit[column] > 0
 
 
 def test_the_root_is_machine_and_every_frame_is_there() -> None:
-    assert YOURDF.base_link == "machine"
+    assert by_yourdfpy(str(TAPELAYER)).base_link == "machine"
     for frame in FRAMES:
-        assert MODEL.existFrame(frame, pinocchio.FrameType.BODY)
-    u = next(joint for joint in YOURDF.robot.joints if joint.name == "u")
+        assert model().existFrame(frame, pinocchio.FrameType.BODY)
+    u = next(joint for joint in by_yourdfpy(str(TAPELAYER)).robot.joints if joint.name == "u")
     assert u.child == "tape"
 
 
@@ -163,13 +167,14 @@ def test_pinocchio_and_yourdfpy_agree_on_every_frame(shares: tuple[float, ...]) 
         name: lower + share * (upper - lower)
         for (name, (lower, upper)), share in zip(LIMITS.items(), shares, strict=True)
     }
-    YOURDF.update_cfg({name: values[name] for name in YOURDF.actuated_joint_names})
+    yourdf = by_yourdfpy(str(TAPELAYER))
+    yourdf.update_cfg({name: values[name] for name in yourdf.actuated_joint_names})
     # Double precision carries 1e-12 m only while the tape is short: beyond 10 m of feed the comparison is relative.
     bound = 1e-12 * max(1.0, values["u"] / 10.0)
     for frame in FRAMES:
         np.testing.assert_allclose(
             pinocchio_pose(values, frame),
-            YOURDF.get_transform(frame, "machine"),
+            yourdf.get_transform(frame, "machine"),
             rtol=0,
             atol=bound if frame == "tape" else 1e-12,
         )

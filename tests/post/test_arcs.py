@@ -19,6 +19,7 @@ from tapelayer.laying.settings import Setup
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.provenance import Provenance
+from tests.helpers.machines import TEN_AXES
 
 PLANES = {0: ("x", "y"), 1: ("z", "x"), 2: ("y", "z")}
 
@@ -205,16 +206,13 @@ def test_only_wanted_planes_and_able_blocks_become_arcs() -> None:
     assert (arc.firsts.tolist(), arc.lasts.tolist()) == ([30], [99])
 
 
-AXES = ("x", "y", "z", "c", "a", "u", "v", "d", "q", "e")
-
-
 def laid(points: np.ndarray, u: np.ndarray, times: np.ndarray) -> Trajectory:
     """A rapid to the first point, then straight blocks; points and u in millimetres."""
     count = len(points)
     positions = np.zeros((count, 10))
     positions[:, :3], positions[:, 5] = points / 1e3, u / 1e3
     return Trajectory(
-        AXES,
+        TEN_AXES,
         np.full(10, np.nan),
         positions,
         np.array([Kind.RAPID, *[Kind.LINEAR] * (count - 1)], dtype=np.uint8),
@@ -244,7 +242,7 @@ def test_written_arcs_read_back_onto_the_circle(
     trajectory = laid(points, u, times)
     controller = load(control)
     text = write(SimpleNamespace(trajectory=trajectory), controller, Provenance("a", "b", "c", "d"))  # type: ignore[arg-type]
-    path = read(text, controller, AXES, Limits(np.ones(len(AXES))), "p.nc").trajectory
+    path = read(text, controller, TEN_AXES, Limits(np.ones(len(TEN_AXES))), "p.nc").trajectory
     word = controller.codes.clockwise if clockwise else controller.codes.counterclockwise
     arc = np.flatnonzero(np.isin(path.kinds, (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     assert 1 <= len(arc) <= 2 and f"{controller.codes.planes[plane]} {word} ".encode() in text
@@ -290,7 +288,7 @@ def test_a_course_round_a_cylinder_becomes_a_few_arcs_with_the_same_verified_err
     read_back = job.read_back(text, "p.nc").trajectory
     assert np.sum(read_back.kinds == Kind.CLOCKWISE) == 4
     assert len(read_back) < len(planned.trajectory) / 2
-    back = job.verify(read_back)
+    back = job.judge(read_back)
     errors = [np.abs(evidence.samples.position_errors).max() for evidence in (planned.evidence, back.evidence)]
     assert errors[1] < errors[0] + 2e-6
     assert back.trajectory.duration == pytest.approx(planned.trajectory.duration, rel=1e-5)

@@ -12,10 +12,10 @@ from post.controllers.parsing import parse
 from post.controllers.table import ArcRule, AxisWord, Blocks, Codes, Feed
 from tapelayer.errors import ControllerRefused
 from tapelayer.motion.trajectory import Event
+from tests.helpers.machines import TEN_AXES
 
 FOLDER = Path(post.controllers.__file__).parent
 JB3208 = (FOLDER / "jb3208.toml").read_text(encoding="utf-8")
-TEN_AXES = ("x", "y", "z", "c", "a", "u", "v", "d", "q", "e")
 
 
 def refused(text: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from math import hypot
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,16 +15,16 @@ from post.controllers import Controller, load
 from post.controllers.parsing import parse
 from post.program import write
 from post.reader import read
-from tapelayer.courses.course_file import read_courses
 from tapelayer.laying.program import plan
-from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.provenance import Provenance
+from tests.helpers.machines import limited
 from tests.helpers.paths import ROOT
+from tests.helpers.plies import PLIES, courses_of
+from tests.helpers.setups import setup_of
 
-EXAMPLES = sorted((ROOT / "examples").glob("*.txt"))
 MADE_FROM = Provenance("a", "b", "c", "d")
 
 LAY = ("jb3208", "linuxcnc", "linuxcnc_remap", "sinumerik840d")
@@ -110,17 +109,14 @@ def seconds_of(text: str, control: str, speeds: Mapping[str, float]) -> float:
     return total
 
 
-def planned(courses: Path) -> tuple[Trajectory, Machine]:
-    setup = Setup()
-    if courses.stem == "wing_skin_45":
-        setup = setup.with_values("machine", limits_deg={"c": [-180, 180], "a": [-30, 30]})
-    machine = Machine.load().with_limits(setup.machine.travel(), setup.machine.speeds())
-    return plan(read_courses(courses), setup, machine), machine
+def planned(ply: str) -> tuple[Trajectory, Machine]:
+    setup = setup_of(PLIES[ply])
+    return plan(courses_of(ply), setup, limited(setup)), limited(setup)
 
 
-@pytest.mark.parametrize("courses", EXAMPLES, ids=lambda path: path.stem)
-def test_block_times_of_the_text_add_up_to_the_planned_duration(courses: Path) -> None:
-    trajectory, machine = planned(courses)
+@pytest.mark.parametrize("ply", PLIES)
+def test_block_times_of_the_text_add_up_to_the_planned_duration(ply: str) -> None:
+    trajectory, machine = planned(ply)
     units = {axis.name: axis.speed * (180 / np.pi if axis.revolute else 1e3) for axis in machine.axes}
     for control in LAY:
         text = write(SimpleNamespace(trajectory=trajectory), load(control), MADE_FROM)  # type: ignore[arg-type]
@@ -202,7 +198,7 @@ def test_inverse_time_is_one_over_minutes(control: str) -> None:
 
 @pytest.mark.parametrize("control", ["linuxcnc", "linuxcnc_remap"])
 def test_every_linuxcnc_feed_motion_carries_its_feed_and_no_rapid_does(control: str) -> None:
-    trajectory, _ = planned(EXAMPLES[0])
+    trajectory, _ = planned("boss_panel_20")
     text = write(SimpleNamespace(trajectory=trajectory), load(control), MADE_FROM).decode("ascii")  # type: ignore[arg-type]
     motion = ""
     seen: Any = {"G0": 0, "G1": 0}

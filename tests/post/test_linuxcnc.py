@@ -21,20 +21,20 @@ import pytest
 from post.controllers import load
 from post.program import write
 from post.reader import read
+from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import AxisBeyondTravel, ProgramRefused
 from tapelayer.laying.program import plan
-from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.provenance import Provenance
-from tests.helpers.paths import EXAMPLES, SHARED
+from tests.helpers.machines import limited
+from tests.helpers.plies import PLIES, courses_of
+from tests.helpers.setups import setup_of
 
 PYTHON = "/usr/bin/python3"
 HERE = Path(__file__).parent
-COURSE_FILES = sorted(EXAMPLES.glob("*.txt"))
-COURSES = [*COURSE_FILES, *(path for path in (SHARED / "courses" / "real" / "GEBracket_151.txt",) if path.is_file())]
 # Joints of the interpreter's nine axes X Y Z A B C U V W, with the table linuxcnc and with the remapped letters.
 NINE = {
     "linuxcnc": ("x", "y", "z", "a", "d", "c", "u", "v", "q"),
@@ -115,21 +115,11 @@ def remap_ini(folder: Path) -> str:
     return "\n".join([*lines, "REMAP = M29 modalgroup=10 argspec=deq ngc=m29", ""])
 
 
-def setup_of(courses: Path) -> Setup:
-    setup = Setup()
-    if courses.stem == "wing_skin_45":
-        return setup.with_values("machine", limits_deg={"c": [-180, 180], "a": [-30, 30]})
-    if courses.stem == "GEBracket_151":
-        setup = setup.with_values("machine", limits_deg={"c": [-330, 330], "a": [-40, 40]})
-        setup = setup.with_values("part", l1_mm=1200, l2_mm=-1000)
-        return setup.with_values("head", run_out="none", wrap_compensation=False)
-    return setup
-
-
-def planned(data: bytes, setup: Setup, control: str) -> tuple[Trajectory, Machine]:
-    machine = Machine.load().with_limits(setup.machine.travel(), setup.machine.speeds())
+def planned(courses: tuple[Course, ...], control: str, text: str = "") -> tuple[Trajectory, Machine]:
+    """What a controller is given to write, and the machine with the setup's limits."""
     alone = frozenset(joint for axis in load(control).axes if axis.alone for joint in axis.joints)
-    return plan(parse_courses(data, "courses.txt"), setup, machine, alone), machine
+    setup = setup_of(text)
+    return plan(courses, setup, limited(setup), alone), limited(setup)
 
 
 def text_of(trajectory: Trajectory, control: str, source: str = "a") -> bytes:
@@ -148,9 +138,9 @@ def nine_of(trajectory: Trajectory, control: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("control", ["linuxcnc", "linuxcnc_remap"])
-@pytest.mark.parametrize("courses", COURSES, ids=lambda path: path.stem)
-def test_the_interpreter_reads_every_block_as_we_do(folder: Path, courses: Path, control: str) -> None:
-    trajectory, machine = planned(courses.read_bytes(), setup_of(courses), control)
+@pytest.mark.parametrize("ply", PLIES)
+def test_the_interpreter_reads_every_block_as_we_do(folder: Path, ply: str, control: str) -> None:
+    trajectory, machine = planned(courses_of(ply), control, PLIES[ply])
     text = text_of(trajectory, control, "msg, (debug, x).txt")
     ours = read(text, load(control), machine.names, Limits.of(machine.axes), "p.nc").trajectory
     theirs = interpreted(folder, text, remap_ini(folder) if control == "linuxcnc_remap" else "")
@@ -171,7 +161,7 @@ def test_the_interpreter_reads_every_block_as_we_do(folder: Path, courses: Path,
     assert not any(kind == "message" for kind, _, _ in theirs)
 
 
-def circle_courses(*cuts: str) -> bytes:
+def circle_courses(*cuts: str) -> tuple[Course, ...]:
     """Short courses at 90 deg over a cylinder, one for each angle line."""
     radius, angles = 400.0, np.deg2rad(np.linspace(-8.0, 8.0, 129))
     lines = []
@@ -181,11 +171,11 @@ def circle_courses(*cuts: str) -> bytes:
             place = f"{100 + 76 * number} {600 + radius * np.sin(angle):.4f} {radius * (np.cos(angle) - 1):.4f}"
             lines.append(f"{place} 0 {np.sin(angle):.8f} {np.cos(angle):.8f} {radius * (angle - angles[0]):.4f}")
         lines.append("end")
-    return "\n".join([*lines, ""]).encode()
+    return parse_courses("\n".join([*lines, ""]).encode(), "courses.txt")
 
 
 def test_the_interpreter_reads_arcs_as_we_do(folder: Path) -> None:
-    trajectory, _ = planned(circle_courses("90"), Setup(), "linuxcnc")
+    trajectory, _ = planned(circle_courses("90"), "linuxcnc")
     text = text_of(trajectory, "linuxcnc")
     arcs = [(kind, place) for kind, _, place in interpreted(folder, text) if "clockwise" in kind]
     assert len(arcs) == np.sum(read_arcs(text)) > 0
@@ -221,7 +211,7 @@ def test_what_the_interpreter_refuses_we_refuse(folder: Path, block: str, words:
 
 
 def test_the_papers_letters_need_their_remap(folder: Path) -> None:
-    trajectory, _ = planned(COURSE_FILES[0].read_bytes(), Setup(), "jb3208")
+    trajectory, _ = planned(courses_of("boss_panel_20"), "jb3208")
     with pytest.raises(RuntimeError, match="D word with no"):
         interpreted(folder, text_of(trajectory, "jb3208"))
 
@@ -343,7 +333,7 @@ def headless(folder: Path, text: bytes, machine: Machine) -> dict[str, Any]:
 
 
 def test_a_program_runs_on_simulated_axes_along_the_planned_path(folder: Path) -> None:
-    trajectory, machine = planned(circle_courses("70 50", "60 80"), Setup(), "linuxcnc")
+    trajectory, machine = planned(circle_courses("70 50", "60 80"), "linuxcnc")
     text = text_of(trajectory, "linuxcnc")
     log = headless(folder, text, machine)
     assert log["messages"] == []
@@ -373,10 +363,10 @@ def test_a_program_runs_on_simulated_axes_along_the_planned_path(folder: Path) -
 
 
 def test_beyond_the_limits_is_refused_there_as_here(folder: Path) -> None:
-    trajectory, machine = planned(circle_courses("90"), Setup(), "linuxcnc")
+    trajectory, machine = planned(circle_courses("90"), "linuxcnc")
     narrow = machine.with_limits({"y": (0.0, 1.0)}, {})
     log = headless(folder, text_of(trajectory, "linuxcnc"), narrow)
     assert any("would exceed" in message and "Y" in message for message in log["messages"])
     assert max(joints[1] for _, joints, _, _ in log["samples"]) <= 1000.0 + 1e-6
     with pytest.raises(AxisBeyondTravel, match="axis y would be at"):
-        plan(parse_courses(circle_courses("90"), "courses.txt"), Setup(), narrow)
+        plan(circle_courses("90"), setup_of(), narrow)

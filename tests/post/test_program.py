@@ -13,10 +13,10 @@ from post.program import write
 from tapelayer.errors import ControllerRefused, NotWritable
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.provenance import Provenance
+from tests.helpers.machines import TEN_AXES
 from tests.helpers.paths import DATA, ROOT
 
 GOLDEN = DATA / "nc"
-TEN_AXES = ("x", "y", "z", "c", "a", "u", "v", "d", "q", "e")
 REVOLUTE = ("c", "a", "d", "e", "theta", "phi")
 MADE_FROM = Provenance("panel.txt", "ab" * 32, "cd" * 32, "1.2.3")
 

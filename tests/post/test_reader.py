@@ -19,10 +19,10 @@ from tapelayer.errors import ControllerRefused, ProgramRefused
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.provenance import Provenance
+from tests.helpers.machines import TEN_AXES
 from tests.helpers.paths import DATA, ROOT
 
 GOLDEN = DATA / "nc"
-TEN_AXES = ("x", "y", "z", "c", "a", "u", "v", "d", "q", "e")
 REVOLUTE = ("c", "a", "d", "e")
 # mm/s and deg/s, as numbers that nothing else in the tests has.
 LIMITS = Limits(np.array([np.pi / 2 if axis in REVOLUTE else 0.5 for axis in TEN_AXES]))

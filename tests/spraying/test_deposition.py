@@ -1,9 +1,9 @@
-"""Thickness: footprints, what arrives on any surface, evenness, and pitches, each by two ways."""
+"""Deposition: what arrives on any surface, and how even it is, each by two ways."""
 
 from __future__ import annotations
 
 import math
-import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +11,9 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 from tapelayer.arrays import Floats, Ints
-from tapelayer.errors import FootprintRefused, PitchNotFound
-from tapelayer.geometry.mending import Mending
-from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.stl import read_mesh
 from tapelayer.spraying.deposition import (
     Evenness,
@@ -29,24 +25,11 @@ from tapelayer.spraying.deposition import (
     spots_along,
     surface_from_above,
 )
-from tapelayer.spraying.footprint import (
-    Footprint,
-    Gaussian,
-    ParabolicFlux,
-    ParabolicPass,
-    Profile,
-    footprint_of,
-    read_profile,
-)
-from tapelayer.spraying.pitch import raster_cv, widest_pitch
-from tapelayer.spraying.settings import SpraySetup
-from tests.helpers.paths import SHARED
-
-GEOMETRY = SHARED / "geometry"
-H = 0.15
-RING = Profile(np.array([0.0, 0.01, 0.018, 0.03]), np.array([2.0, 5.0, 1.0, 1.0]))
-FOOTPRINTS = [Gaussian(0.015), ParabolicFlux(0.03), ParabolicPass(0.03), RING]
-each_footprint = pytest.mark.parametrize("footprint", FOOTPRINTS, ids=lambda one: type(one).__name__)
+from tapelayer.spraying.footprint import Footprint, Gaussian
+from tapelayer.spraying.pitch import raster_cv
+from tests.helpers.footprints import FOOTPRINTS, H, each_footprint
+from tests.helpers.meshes import of_shape
+from tests.helpers.parts import real_parts
 
 
 def level(width: float, spacing: float) -> Surface:
@@ -73,33 +56,6 @@ def surface_of(vertices: Floats, facets: Ints) -> Surface:
     spans = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     sizes = np.linalg.norm(spans, axis=1)
     return Surface(corners.mean(axis=1), spans / sizes[:, None], sizes / 2)
-
-
-@each_footprint
-def test_all_material_arrives_somewhere(footprint: Footprint) -> None:
-    kinks = RING.radii[1:-1] if footprint is RING else None
-    total, _ = quad(
-        lambda r: 2 * np.pi * r * float(footprint.flux(np.array(r))), 0, footprint.reach, points=kinks, epsabs=1e-10
-    )
-    assert total == pytest.approx(1, abs=1e-5)
-    assert footprint.flux(np.array([footprint.reach * 1.001, 1.0])).tolist() == [0, 0]
-
-
-@each_footprint
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.33, 0.5, 0.7, 0.9, 0.99, 1.0, 1.2])
-def test_across_a_pass_is_the_flux_summed_along_it(footprint: Footprint, share: float) -> None:
-    scale = 3 * footprint.sigma if isinstance(footprint, Gaussian) else footprint.reach
-    offset = share * scale
-    if offset > footprint.reach:
-        expected = 0.0
-    else:
-        half = math.sqrt(footprint.reach**2 - offset**2)
-        kinks = [math.sqrt(r**2 - offset**2) for r in RING.radii[1:-1] if r > offset] if footprint is RING else None
-        expected, _ = quad(
-            lambda y: 2 * float(footprint.flux(np.array(math.hypot(offset, y)))), 0, half, points=kinks, limit=200
-        )
-    found = footprint.across(np.array([offset, -offset]))
-    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 / scale)
 
 
 @each_footprint
@@ -257,64 +213,6 @@ def test_a_sprayed_plane_is_as_even_as_the_raster_says(footprint: Footprint, pit
     assert found.cv_interior_percent == found.cv_percent
 
 
-def test_gaussian_raster_table() -> None:
-    found = [100 * raster_cv(Gaussian(0.015), share * 0.015) for share in (1.5, 1.8, 2.0, 2.2, 2.5, 3.0)]
-    assert [round(value, 2) for value in found[:2]] == [0.02, 0.32]
-    assert [round(value, 1) for value in found[2:]] == [1.0, 2.4, 6.0, 15.8]
-
-
-def least_cv_pitch(footprint: Footprint) -> float:
-    """Widest pitch at which the coefficient of variation has a minimum."""
-    pitches = np.arange(0.5, 1.9, 0.002)
-    values = np.array([raster_cv(footprint, pitch) for pitch in pitches])
-    minima = np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] < values[2:])) + 1
-    return float(pitches[minima[-1]])
-
-
-def test_widest_good_pitch_of_the_parabolic_pass() -> None:
-    footprint = ParabolicPass(1.0)
-    assert least_cv_pitch(footprint) == pytest.approx(1.40, abs=0.005)
-    found = [round(100 * raster_cv(footprint, pitch), 1) for pitch in (1.0, 1.1, 1.4)]
-    assert found == [11.2, 12.3, 5.3]
-    # Variance in units of the peak squared, where 0.30 of the width overlaps.
-    x = (np.arange(1000) + 0.5) / 1000 * 1.4
-    profile = np.sum(np.maximum(1 - (x[:, None] - 1.4 * np.arange(-1, 3)) ** 2, 0), axis=1)
-    mean = 4 / 3 / 1.4
-    assert np.var(profile) == pytest.approx((raster_cv(footprint, 1.4) * mean) ** 2, rel=1e-3)
-    assert round(float(np.var(profile)), 4) == 0.0026
-
-
-def test_widest_good_pitch_of_the_parabolic_flux() -> None:
-    assert least_cv_pitch(ParabolicFlux(1.0)) == pytest.approx(1.22, abs=0.005)
-    assert round(100 * raster_cv(ParabolicFlux(1.0), 1.22), 1) == 2.7
-
-
-@each_footprint
-@pytest.mark.parametrize("target", [0.01, 0.05, 0.2])
-def test_every_pitch_up_to_the_widest_keeps_the_target(footprint: Footprint, target: float) -> None:
-    widest = widest_pitch(footprint, target)
-    narrower = widest * np.linspace(0.15, 1.0, 150)
-    assert all(raster_cv(footprint, pitch) <= target * (1 + 1e-3) for pitch in narrower)
-    assert raster_cv(footprint, widest * 1.001) > target
-
-
-def test_a_wider_pitch_behind_one_that_fails_is_not_taken() -> None:
-    footprint = ParabolicPass(0.03)
-    assert raster_cv(footprint, 1.4 * 0.03) < 0.06
-    assert widest_pitch(footprint, 0.06) < 1.0 * 0.03
-    assert widest_pitch(footprint, 0.125) > 1.4 * 0.03
-
-
-def test_passes_overlap_however_uneven_they_may_be() -> None:
-    assert widest_pitch(ParabolicFlux(0.03), 50.0) == pytest.approx(0.06)
-
-
-def test_no_pitch_is_even_enough() -> None:
-    for target in (1e-9, 0.0, math.nan):
-        with pytest.raises(PitchNotFound, match=r"no pitch above 1\.88 mm keeps .* raise target_cv_percent"):
-            widest_pitch(ParabolicPass(0.03), target)
-
-
 def test_evenness_by_hand() -> None:
     areas = np.array([1.0, 2.0, 1.0, 4.0])
     thickness = np.array([2.0, 4.0, 6.0, 0.5])
@@ -342,13 +240,8 @@ def test_evenness_of_nothing_is_no_number() -> None:
     assert math.isnan(rim.interior_mean) and math.isnan(rim.cv_interior_percent) and math.isnan(rim.coverage_percent)
 
 
-def mesh_of(shape: trimesh.Trimesh) -> Mesh:
-    facets = np.asarray(shape.faces, dtype=np.int64)
-    return Mesh(np.asarray(shape.vertices, dtype=np.float64), facets, "", "", "m", Mending(len(facets)))
-
-
 def test_samples_of_a_box_are_its_top() -> None:
-    surface, border = surface_from_above(mesh_of(trimesh.creation.box((0.3, 0.2, 0.1))), 0.01, 0.02)
+    surface, border = surface_from_above(of_shape(trimesh.creation.box((0.3, 0.2, 0.1))), 0.01, 0.02)
     assert np.sum(surface.areas) == pytest.approx(0.06, rel=1e-9)
     np.testing.assert_allclose(surface.points[:, 2], 0.05, atol=1e-12)
     np.testing.assert_allclose(surface.normals, np.tile([0.0, 0.0, 1.0], (len(surface.points), 1)), atol=1e-12)
@@ -362,7 +255,7 @@ def test_samples_of_a_box_are_its_top() -> None:
 
 
 def test_samples_of_a_ball_are_its_upper_half() -> None:
-    surface, border = surface_from_above(mesh_of(trimesh.creation.icosphere(5, 0.2)), 0.005, 0.02)
+    surface, border = surface_from_above(of_shape(trimesh.creation.icosphere(5, 0.2)), 0.005, 0.02)
     assert np.sum(surface.areas) == pytest.approx(2 * np.pi * 0.04 * 0.98, rel=0.01)
     np.testing.assert_allclose(np.linalg.norm(surface.points, axis=1), 0.2, atol=1e-3)
     assert np.all(np.sum(surface.points * surface.normals, axis=1) > 0.199)
@@ -376,11 +269,9 @@ def test_no_border_no_band() -> None:
     np.testing.assert_array_equal(chosen.points, surface.points[[0, 2]])
 
 
-def test_the_border_of_the_hood_is_its_edge() -> None:
-    path = GEOMETRY / "drivaer_hood.stl"
-    if not path.exists():
-        pytest.skip(f"{path.name} of the shared data is not here")
-    mesh = read_mesh(path)
+@pytest.mark.parametrize("name", ["hood", *real_parts("drivaer_hood")])
+def test_the_border_of_the_hood_is_its_edge(part: Callable[[str], Path], name: str) -> None:
+    mesh = read_mesh(part(name))
     surface, border = surface_from_above(mesh, 0.02, 0.02)
     assert np.sum(surface.areas) == pytest.approx(np.sum(mesh.areas), rel=0.02)
     shape = trimesh.Trimesh(mesh.vertices, mesh.facets, process=False)
@@ -391,68 +282,3 @@ def test_the_border_of_the_hood_is_its_edge() -> None:
     nearest = begins + np.clip(shares, 0, 1)[..., None] * ways
     off = np.min(np.linalg.norm(border[:, None] - nearest, axis=2), axis=1)
     assert np.max(off) < 1e-9
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("", Gaussian(0.015)),
-        ("[spray]\nspot_mm = 80", Gaussian(0.02)),
-        ("[footprint]\nsigma_mm = 9", Gaussian(0.009)),
-        ("[footprint]\nmodel = 'parabolic_flux'", ParabolicFlux(0.03)),
-        ("[footprint]\nmodel = 'parabolic_pass'\nradius_mm = 25", ParabolicPass(0.025)),
-    ],
-)
-def test_footprint_of_a_setup(text: str, expected: Footprint) -> None:
-    found = footprint_of(SpraySetup.model_validate(tomllib.loads(text)))
-    assert type(found) is type(expected)
-    assert found.reach == pytest.approx(expected.reach, rel=1e-12)
-
-
-def test_a_profile_is_read(tmp_path: Path) -> None:
-    path = tmp_path / "profile.txt"
-    path.write_text("# radius flux\r\n0 2\n\n 10\t5 # peak\n18 1\n30 1\n")
-    found = read_profile(path)
-    np.testing.assert_allclose(found.radii, RING.radii, rtol=1e-15)
-    np.testing.assert_allclose(found.fluxes, RING.fluxes, rtol=1e-12)
-    setup = SpraySetup.model_validate({"footprint": {"model": "profile", "profile": str(path)}})
-    assert footprint_of(setup).reach == 0.03
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("0 1\n5 x\n", "{}:2: expected a radius in mm and a flux, two finite numbers, got '5 x'"),
-        ("0 1\n5\n", "{}:2: expected a radius in mm and a flux, two finite numbers, got '5'"),
-        ("0 1\n1_0 1\n", "{}:2: expected a radius in mm and a flux, two finite numbers, got '1_0 1'"),
-        ("0 1\nnan 1\n", "{}:2: expected a radius in mm and a flux, two finite numbers, got 'nan 1'"),
-        ("0 1\n5 inf\n", "{}:2: expected a radius in mm and a flux, two finite numbers, got '5 inf'"),
-        (
-            f"0 1\n{'7' * 50}\n",
-            "{}:2: expected a radius in mm and a flux, two finite numbers, got '" + "7" * 37 + "...'",
-        ),
-        (
-            "1 1\n5 -1\n5 2\n",
-            "{0}:1: expected radius 0 first, got 1 mm; begin on the gun's axis\n"
-            "{0}:2: expected a flux of 0 or more, got -1\n"
-            "{0}:3: expected a radius above 5 mm, got 5 mm",
-        ),
-        ("0 1\n", "{}: expected two pairs of radius and flux or more, got 1"),
-        ("0 0\n5 0\n", "{}: expected a flux above 0 somewhere, got none"),
-    ],
-)
-def test_a_profile_is_refused(tmp_path: Path, text: str, message: str) -> None:
-    path = tmp_path / "profile.txt"
-    path.write_text(text)
-    with pytest.raises(FootprintRefused) as refused:
-        read_profile(path)
-    assert str(refused.value) == message.format(path)
-
-
-def test_a_profile_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(FootprintRefused, match="cannot be read: no such file or directory"):
-        read_profile(tmp_path / "none.txt")
-    path = tmp_path / "binary.txt"
-    path.write_bytes(b"0 1\n\xff\xfe")
-    with pytest.raises(FootprintRefused, match="byte 4 is not UTF-8"):
-        read_profile(path)

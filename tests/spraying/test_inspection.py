@@ -9,27 +9,24 @@ from functools import cache
 
 import numpy as np
 import pytest
-import trimesh
 
 from tapelayer.arrays import Floats
 from tapelayer.errors import VerificationFailed
-from tapelayer.geometry.facets import distances_to
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
-from tapelayer.setups.sections import parse_setup
 from tapelayer.spraying.evidence import SprayEvidence
 from tapelayer.spraying.inspection import SprayInspector
-from tapelayer.spraying.pass_planning import plan_passes
 from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.program import Spraying, spray
-from tapelayer.spraying.reach import placement
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import DEG, MM
+from tapelayer.verification.failures import Failure
+from tests.helpers.machines import limited, sprayer
 from tests.helpers.panels import flat, mesh_of, sheet
-from urdf import SPRAYER
+from tests.helpers.sprayed import planned as planned_over
+from tests.helpers.sprayed import roof
+from tests.helpers.trajectories import moved, without
 
-MACHINE = Machine.load(SPRAYER)
 WAVE = "wave"
 GAPS = "[spray]\nmax_gap_mm = 20\n"
 
@@ -37,21 +34,15 @@ GAPS = "[spray]\nmax_gap_mm = 20\n"
 def triangles_of(name: str) -> Floats:
     if name == WAVE:
         return sheet(np.linspace(0, 300, 31), [0, 60, 120], lambda x, y: 15 * np.sin(x / 40) + 0.1 * y)
-    if name == "roof":
-        return sheet([0, 75, 150, 225, 300], [0, 60], lambda x, y: 0.36 * (150 - np.abs(x - 150)) + 0 * y)
-    if name == "ridge":
-        return sheet([0, 75, 150, 225, 300], [0, 60], lambda x, y: math.sqrt(3) * (150 - np.abs(x - 150)) + 0 * y)
+    if name in ("roof", "ridge"):
+        return roof({"roof": 2 * math.degrees(math.atan(0.36)), "ridge": 120.0}[name])
     return sheet(np.linspace(0, 300, 7), [0, 50, 100], flat)
 
 
 @cache
 def planned(name: str, text: str = "") -> tuple[SprayInspector, Spraying, Plan, Mesh, SpraySetup]:
-    setup = parse_setup(text.encode(), "job.toml", SpraySetup)
-    machine = MACHINE.with_limits(setup.machine.travel(), setup.machine.speeds())
-    mesh = mesh_of(triangles_of(name))
-    mesh = mesh.moved(*placement(mesh, setup, machine))
-    assert setup.spray.pitch_mm != "auto"
-    plan = plan_passes(mesh, setup, machine, setup.spray.pitch_mm * MM)
+    plan, mesh, setup = planned_over(triangles_of(name), text)
+    machine = limited(setup)
     spraying = spray(plan.passes, setup, machine, float(mesh.vertices[:, 2].max()))
     return SprayInspector(plan.passes, spraying.splits, mesh, setup, machine), spraying, plan, mesh, setup
 
@@ -64,17 +55,6 @@ def failures(trajectory: Trajectory, name: str, text: str = "") -> set[str]:
     evidence = examined(trajectory, name, text)
     assert not evidence.passed
     return {failure.what for failure in evidence.failures}
-
-
-def moved(trajectory: Trajectory, block: int, axis: str, by: float) -> Trajectory:
-    positions = trajectory.positions.copy()
-    positions[block, trajectory.column(axis)] += by
-    return replace(trajectory, positions=positions)
-
-
-def without(trajectory: Trajectory, blocks: list[int]) -> Trajectory:
-    names = ("positions", "kinds", "durations", "events", "courses", "stated", "lines")
-    return replace(trajectory, **{name: np.delete(getattr(trajectory, name), blocks, axis=0) for name in names})
 
 
 def at(trajectory: Trajectory, event: Event, number: int = 0) -> int:
@@ -149,6 +129,7 @@ def test_a_failure_says_where_it_is() -> None:
     first = str(caught.value).splitlines()[0]
     assert re.fullmatch(rf"line {block + 11}: pass 1 point \d+: position_error_mm is 1, limit 0.05", first), first
     assert caught.value.exit_code == 1
+    assert Failure(0, 0, "x_mm", 1.0, 2.0, of="pass").sentence() == "x_mm is 1, limit 2"
 
 
 @pytest.mark.parametrize(
@@ -251,7 +232,7 @@ def test_the_arc_beside_the_part_is_found() -> None:
     short = mesh_of(sheet(np.linspace(0, 200, 5), [0, 50, 100], flat))
     short = short.moved(np.eye(3), mesh.vertices.min(axis=0))
     nowhere = [replace(found, facets=np.full(len(found.facets), -1)) for found in plan.passes]
-    judge = SprayInspector(nowhere, (), short, setup, MACHINE)
+    judge = SprayInspector(nowhere, (), short, setup, sprayer())
     (failure,) = judge.judge(spraying.trajectory).failures
     assert failure.what == "arc_beside_part_mm"
     assert failure.value == pytest.approx(130.0, abs=1e-6)
@@ -275,12 +256,3 @@ def test_a_program_without_any_arc_fails() -> None:
     evidence = examined(without(trajectory, gone), "plate")
     assert [failure.what for failure in evidence.failures] == ["sprayed_length_mm"] * 4
     assert evidence.arc_time == 0.0 and len(evidence.samples.times) == 0
-
-
-def test_distance_from_a_triangle_is_trimesh_s() -> None:
-    chance = np.random.default_rng(5)
-    triangles, points = chance.normal(size=(3000, 3, 3)), 2 * chance.normal(size=(3000, 3))
-    points[:50] = triangles[:50, 0]
-    points[50:100] = triangles[50:100].mean(axis=1)
-    expected = np.linalg.norm(trimesh.triangles.closest_point(triangles, points) - points, axis=1)
-    np.testing.assert_allclose(distances_to(triangles, points), expected, atol=1e-12)

@@ -9,24 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tapelayer.arrays import Floats
-from tapelayer.geometry.polyline import kept
 from tapelayer.machines.wrist import angles_between
 from tapelayer.spraying.smoothing import brought_near, creases, enclosing, smooth
+from tests.helpers.normals import tilted, unit
 
 LIMIT = math.radians(15)
 CHANCE = np.random.default_rng(11)
-
-
-def unit(vectors: Floats) -> Floats:
-    normalised: Floats = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return normalised
-
-
-def tilted(degrees: Floats | list[float], azimuth: float = 0.0) -> Floats:
-    """Unit normals (n, 3) that lean by (n,) degrees towards an azimuth in degrees."""
-    phi, theta = np.radians(degrees), math.radians(azimuth)
-    return np.column_stack([np.sin(phi) * math.cos(theta), np.sin(phi) * math.sin(theta), np.cos(phi)])
 
 
 def test_enclosing_direction_is_the_best_of_all() -> None:
@@ -136,24 +124,3 @@ def test_the_gun_turns_ahead_of_a_bump_and_not_at_it() -> None:
     assert angles[20] == pytest.approx(13.5, abs=0.6)
     assert abs(angles[0]) < 0.5 and abs(angles[-1]) < 0.5
     assert np.max(np.abs(np.diff(angles) / np.diff(stations))) <= 1000.0
-
-
-@given(st.lists(st.floats(-3e-4, 3e-4), min_size=3, max_size=60))
-def test_what_is_left_out_is_near_to_what_remains(bumps: list[float]) -> None:
-    stations = 0.01 * np.arange(len(bumps))
-    points = np.column_stack([stations, np.zeros(len(bumps)), bumps])
-    normals = np.tile([0.0, 0.0, 1.0], (len(bumps), 1))
-    fixed = np.zeros(len(bumps), bool)
-    remain = kept(stations, points, normals, fixed, 1e-4)
-    assert remain[0] and remain[-1]
-    heights = np.interp(stations, stations[remain], points[remain, 2])
-    assert np.max(np.abs(heights - points[:, 2])) <= 1e-4 + 1e-15
-    flat = kept(stations, points * [1, 1, 0], normals, fixed, 1e-4)
-    assert np.sum(flat) == 2
-
-
-def test_a_turn_of_the_direction_is_kept_on_a_straight_way() -> None:
-    stations = np.linspace(0.0, 0.1, 11)
-    points = np.column_stack([stations, np.zeros(11), np.zeros(11)])
-    remain = kept(stations, points, tilted(np.where(stations < 0.05, 0.0, 10.0)), np.zeros(11, bool), 1e-4)
-    assert remain[4] and remain[5] and np.sum(remain) == 4

@@ -12,14 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tapelayer.arrays import Floats
-from tapelayer.machines import gantry
-from tapelayer.machines.machine import Machine
 from tapelayer.workbench import kinematics
+from tests.helpers.machines import LENGTHS, sprayer, tape_layer
 from tests.helpers.routes import Asking
-from urdf import SPRAYER, TAPELAYER
 
 CLIENT = Asking(kinematics.router)
-MACHINES = {"tapelayer": Machine.load(TAPELAYER), "sprayer": Machine.load(SPRAYER)}
+MACHINES = {"tapelayer": tape_layer, "sprayer": sprayer}
 FRAMES = {"tapelayer": "contact", "sprayer": "P"}
 PLACE, NORMAL, TANGENT = ["x_mm", "y_mm", "z_mm"], ["nx", "ny", "nz"], ["tx", "ty", "tz"]
 POSE = {"tapelayer": PLACE + NORMAL + TANGENT, "sprayer": PLACE + NORMAL}
@@ -54,7 +52,7 @@ def placed(machine: str, joints: list[list[float]]) -> Floats:
 
 def by_pinocchio(machine: str, joints: list[list[float]], frame: str) -> Floats:
     """Poses (n, 4, 4) of a frame in mm."""
-    model = MACHINES[machine]
+    model = MACHINES[machine]()
     q = np.zeros((len(joints), len(model.axes)))
     for column, (name, values) in enumerate(zip(JOINTS[machine], np.array(joints).T, strict=True)):
         axis, _, unit = name.partition("_")
@@ -71,7 +69,7 @@ def test_the_roller_lies_on_the_surface_square_to_the_travel_in_both_branches() 
     t = np.cross(n, rng.normal(size=(200, 3)))
     poses = np.hstack([rng.uniform(0, 2000, (200, 3)), 7.0 * n, 0.1 * t])
     found = solved("tapelayer", poses.tolist())
-    radius = gantry.lengths(MACHINES["tapelayer"]).radius * 1e3
+    radius = LENGTHS.radius * 1e3
     normals = n / np.linalg.norm(n, axis=1)[:, None]
     across = np.cross(t, n) / np.linalg.norm(np.cross(t, n), axis=1)[:, None]
     for branch, sign in zip(found["branches"], (1, -1), strict=True):

@@ -29,7 +29,8 @@ from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import DEG, MM
 from tapelayer.workbench import scene
 from tests.helpers.panels import mesh_of, sheet, write_stl
-from tests.helpers.surfaces import flat_course, helix_course, setup_of
+from tests.helpers.setups import setup_of
+from tests.helpers.surfaces import flat_course, helix_course
 
 # Part origin of the default setup, metres.
 ORIGIN = np.array([0.3, -1.9, -1.4])
