@@ -135,10 +135,11 @@ def test_the_same_input_gives_the_same_bytes(kind: KindName) -> None:
 
 
 def documented(document: str, heading: str) -> set[str]:
-    """Keys in the first table below a heading of a document."""
+    """Keys in the first two tables below a heading of a document: the numbers, and what stands beside them."""
     text = (ROOT / "docs" / document).read_text(encoding="utf-8")
-    table = text[text.index(heading) :].partition("| key |")[2].partition("\n\n")[0]
-    return {key for row in table.splitlines()[2:] for key in re.findall(r"`(\w+)`", row.split("|")[1])}
+    tables = text[text.index(heading) :].split("| key | unit | meaning |\n|---|---|---|\n")[1:3]
+    rows = [row for table in tables for row in table.partition("\n\n")[0].splitlines() if row.startswith("| `")]
+    return {key for row in rows for key in re.findall(r"`(\w+)`", row.split("|")[1])}
 
 
 @pytest.mark.parametrize(

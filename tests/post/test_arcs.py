@@ -288,7 +288,7 @@ def test_a_course_round_a_cylinder_becomes_a_few_arcs_with_the_same_verified_err
     read_back = job.read_back(text, "p.nc").trajectory
     assert np.sum(read_back.kinds == Kind.CLOCKWISE) == 4
     assert len(read_back) < len(planned.trajectory) / 2
-    back = job.judge(read_back)
+    back = job.verify(read_back)
     errors = [np.abs(evidence.samples.position_errors).max() for evidence in (planned.evidence, back.evidence)]
     assert errors[1] < errors[0] + 2e-6
     assert back.trajectory.duration == pytest.approx(planned.trajectory.duration, rel=1e-5)
