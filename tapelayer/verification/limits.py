@@ -1,4 +1,4 @@
-"""Limits: what a setup allows, resolved once and carried with the evidence."""
+"""Limits: the limits of a setup, resolved once and carried with the evidence."""
 
 from __future__ import annotations
 
@@ -8,18 +8,23 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Limit:
-    """What a quantity may be at most.
+    """The largest allowed value of a quantity.
 
     Attributes:
         value: in the unit of the quantity's key.
-        judged: False where the setup leaves the quantity free: it is measured, and fails nothing.
+        judged: False where the setup leaves the quantity free, so that it is measured and cannot fail.
     """
 
     value: float
     judged: bool = True
 
     def kept(self, value: float | None) -> bool:
-        """Whether a value keeps the limit; what was not measured keeps none."""
+        """Return whether a value keeps the limit; a missing value does not.
+
+        Examples:
+            >>> Limit(0.5).kept(0.4), Limit(0.5).kept(0.6), Limit(0.5).kept(None)
+            (True, False, False)
+        """
         return value is not None and value <= self.value
 
 
