@@ -1,4 +1,4 @@
-"""Arcs: runs of straight blocks that lie on one circle, so that one circular block can say them."""
+"""Arcs: runs of straight blocks on one circle, which one circular block can replace."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import NotWritable
 from tapelayer.motion.trajectory import Kind, Trajectory
 
-# Indices of each plane's axes: a counterclockwise arc turns from the first to the second; the third stands still.
+# Indices of each plane's axes: a counterclockwise arc turns from the first to the second; the third is constant.
 PLANES = {"xy": (0, 1, 2), "zx": (2, 0, 1), "yz": (1, 2, 0)}
-# Joints that stand still along an arc: what turns the head.
+# Joints that must not move along an arc: those that turn the head.
 FIXED = ("a", "c", "theta", "phi")
 # Five points leave two that can contradict the circle; three always have one.
 LEAST_BLOCKS = 4
-# Less of a bulge is a line to whoever reads the program; further off, a centre means nothing.
+# An arc with a smaller bulge is a line in practice; a centre farther away is meaningless.
 LEAST_BULGE_MM = 0.05
 STRAIGHTEST_MM = 1e7
-# Higher than a planner's chords are, so a corner of long blocks is no arc.
+# More than the sagitta of a planner's chords, so that a corner of long blocks is not an arc.
 MOST_SAGITTA_MM = 0.05
-# How far apart the arc at constant speed and the blocks may be at one time.
+# Largest distance at any time between the arc at constant speed and the blocks.
 MOST_LEAD_MM = 0.1
 
 
@@ -39,7 +39,7 @@ class Found:
         lasts: (m,) last block of each.
         planes: (m,) number of the plane: 0 XY, 1 ZX, 2 YZ.
         clockwise: (m,) sense, seen against the plane's third axis.
-        centres: (m, 3) from the begin along x, y, z in millimetres; 0 along the third axis.
+        centres: (m, 3) from the beginning along x, y, z in millimetres; 0 along the third axis.
     """
 
     firsts: Ints
@@ -52,64 +52,64 @@ class Found:
 def find(
     points: Floats, others: Floats, times: Floats, able: Mask, joined: Mask, planes: Sequence[str], tolerance: float
 ) -> Found:
-    """Arcs in a sequence of straight blocks.
+    """Return the arcs in a sequence of straight blocks.
 
-    A run is an arc where its ends, and with `tolerance` all points between, lie on one circle in a plane, and where all
-    other axes and the time go in proportion to the arc.
+    A run is an arc where its ends and, within `tolerance`, all points between lie on one circle in a plane, and where
+    all other axes and the time change in proportion to the arc.
 
     Args:
-        points: (n + 1, 3) x, y, z in millimetres at the start and after each block, as they are written.
+        points: (n + 1, 3) x, y, z in millimetres at the start and after each block, as written.
         others: (n + 1, k) the other axes in written units.
         times: (n + 1,) seconds.
         able: (n,) blocks that may be part of an arc.
-        joined: (n,) whether a block may be part of one arc with the block before.
-        planes: in which arcs are wanted, by name.
+        joined: (n,) whether a block may share an arc with the block before.
+        planes: names of the planes in which to look for arcs.
         tolerance: in millimetres, and in the written units of the other axes.
     """
-    found: list[tuple[int, int, int, bool, Floats]] = []
+    arcs: list[tuple[int, int, int, bool, Floats]] = []
     for plane in planes:
         first, second, third = PLANES[plane]
         flat = able & (points[1:, third] == points[:-1, third])
-        way = np.column_stack([points[:, first], points[:, second]])
-        bent = _bent(way, others, flat, joined, tolerance)
+        path = np.column_stack([points[:, first], points[:, second]])
+        bent = _bent(path, others, flat, joined, tolerance)
         block = 0
         while block < len(bent):
             block += int(np.argmax(bent[block:]))
             if not bent[block]:
                 break
-            # Every run of five points on an arc is bent like it, so the arc ends before the first that is not.
+            # Every run of five points on an arc is itself bent, so the arc ends before the first run that is not.
             straight = np.flatnonzero(~bent[block:])[:1]
             most = block + (int(straight[0]) if len(straight) else len(bent) - block) + LEAST_BLOCKS - 2
-            last, centre, bulge = _longest(way, others, times, block, most, tolerance)
+            last, centre, bulge = _longest(path, others, times, block, most, tolerance)
             if bulge < LEAST_BULGE_MM:
                 block = max(last, block) + 1
                 continue
             offset = np.zeros(3)
-            offset[[first, second]] = centre - way[block]
-            begin, end = way[block] - centre, way[last + 1] - centre
+            offset[[first, second]] = centre - path[block]
+            begin, end = path[block] - centre, path[last + 1] - centre
             clockwise = bool(begin[0] * end[1] - begin[1] * end[0] < 0.0)
-            found.append((block, last, list(PLANES).index(plane), clockwise, offset))
+            arcs.append((block, last, list(PLANES).index(plane), clockwise, offset))
             block = last + 1
-    found.sort(key=lambda arc: arc[0])
+    arcs.sort(key=lambda arc: arc[0])
     return Found(
-        firsts=np.array([arc[0] for arc in found], dtype=np.int64),
-        lasts=np.array([arc[1] for arc in found], dtype=np.int64),
-        planes=np.array([arc[2] for arc in found], dtype=np.uint8),
-        clockwise=np.array([arc[3] for arc in found], dtype=bool),
-        centres=np.array([arc[4] for arc in found]).reshape(-1, 3),
+        firsts=np.array([arc[0] for arc in arcs], dtype=np.int64),
+        lasts=np.array([arc[1] for arc in arcs], dtype=np.int64),
+        planes=np.array([arc[2] for arc in arcs], dtype=np.uint8),
+        clockwise=np.array([arc[3] for arc in arcs], dtype=bool),
+        centres=np.array([arc[4] for arc in arcs]).reshape(-1, 3),
     )
 
 
-def _bent(way: Floats, others: Floats, flat: Mask, joined: Mask, tolerance: float) -> Mask:
-    """Blocks (n,) that with the three after them have five points on one circle, truly bent, and go in proportion."""
+def _bent(path: Floats, others: Floats, flat: Mask, joined: Mask, tolerance: float) -> Mask:
+    """Return the blocks (n,) that with the next three have five points on one circle and move in proportion."""
     bent = np.zeros(len(flat), dtype=bool)
     begins = _windows(flat, joined)
-    p = [way[begins + step] for step in range(LEAST_BLOCKS + 1)]
+    p = [path[begins + step] for step in range(LEAST_BLOCKS + 1)]
     good = np.ones(len(begins), dtype=bool)
     for point in (p[1], p[3]):
         good &= _off_circle(p[0], p[2], p[4], point) <= tolerance
     lengths = np.cumsum([np.hypot(*(p[step + 1] - p[step]).T) for step in range(LEAST_BLOCKS)], axis=0)
-    # Where nothing moves in the plane there is no circle, whatever else moves.
+    # Without motion in the plane there is no circle, even if other axes move.
     moving = lengths[-1] > 0.0
     good &= moving
     whole = others[begins + LEAST_BLOCKS] - others[begins]
@@ -121,7 +121,7 @@ def _bent(way: Floats, others: Floats, flat: Mask, joined: Mask, tolerance: floa
 
 
 def _windows(flat: Mask, joined: Mask) -> Ints:
-    """Blocks that begin a run of as many as the least arc has."""
+    """Return the blocks that begin a run of `LEAST_BLOCKS`, the length of the shortest arc."""
     count = max(len(flat) - LEAST_BLOCKS + 1, 0)
     runs = flat[:count].copy()
     for ahead in range(1, LEAST_BLOCKS):
@@ -130,7 +130,7 @@ def _windows(flat: Mask, joined: Mask) -> Ints:
 
 
 def _off_circle(a: Floats, b: Floats, c: Floats, points: Floats) -> Floats:
-    """Distances (m,) of points from the circles or lines through three points each."""
+    """Return the distances (m,) of points from the circles or lines through three points each."""
     ab, ac = b - a, c - a
     double = 2.0 * _cross(ab, ac)
     line = np.abs(double) < 1e-12
@@ -150,16 +150,16 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def _longest(
-    way: Floats, others: Floats, times: Floats, first: int, most: int, tolerance: float
+    path: Floats, others: Floats, times: Floats, first: int, most: int, tolerance: float
 ) -> tuple[int, Floats, float]:
-    """Last block of the longest arc from a block on, at most to `most`, its centre and bulge; without one, bulge 0."""
+    """Return the last block, centre and bulge of the longest arc from a block to at most `most`; bulge 0 for none."""
     last, centre, bulge = first - 1, np.zeros(2), 0.0
-    # Longer runs only add points that can miss the circle: doubling and then halving finds where it ends.
+    # Longer runs only add points that can miss the circle, so doubling and then bisecting finds its end.
     fitting, beyond = 0, most - first + 2
     blocks = min(LEAST_BLOCKS, beyond - 1)
     while LEAST_BLOCKS <= blocks and fitting < blocks < beyond:
         here = slice(first, first + blocks + 1)
-        fits, at, height = _fits(way[here], others[here], times[here], tolerance)
+        fits, at, height = _fits(path[here], others[here], times[here], tolerance)
         if fits:
             fitting, last, centre, bulge = blocks, first + blocks - 1, at, height
             blocks = min(2 * blocks, beyond - 1) if beyond == most - first + 2 else (fitting + beyond) // 2
@@ -169,25 +169,25 @@ def _longest(
     return last, centre, bulge
 
 
-def _fits(way: Floats, others: Floats, times: Floats, tolerance: float) -> tuple[bool, Floats, float]:
-    """Whether points (m, 2) are one arc through the first and the last, or a line; its centre and bulge (0: a line)."""
-    chord = way[-1] - way[0]
+def _fits(path: Floats, others: Floats, times: Floats, tolerance: float) -> tuple[bool, Floats, float]:
+    """Return whether points (m, 2) are one arc or line through the first and last, its centre and bulge (line: 0)."""
+    chord = path[-1] - path[0]
     length = float(np.hypot(*chord))
     if length == 0.0:
-        return False, way[0], 0.0
+        return False, path[0], 0.0
     along, normal = chord / length, np.array([-chord[1], chord[0]]) / length
-    # The centre lies on the chord's perpendicular; its place there is a linear least-squares problem.
-    off = way - (way[0] + way[-1]) / 2.0
+    # The centre lies on the chord's perpendicular bisector; its position there is a linear least-squares problem.
+    off = path - (path[0] + path[-1]) / 2.0
     heights = off @ normal
     weight = float(heights @ heights)
     inner = np.sum(off * off, axis=1) - length * length / 4.0
     place = float(heights @ inner) / (2.0 * weight) if weight > 0.0 else 0.0
     if weight == 0.0 or abs(place) > STRAIGHTEST_MM:
-        share, error, arc, bulge, centre = (off @ along) / length + 0.5, np.abs(heights), length, 0.0, way[0]
+        share, error, arc, bulge, centre = (off @ along) / length + 0.5, np.abs(heights), length, 0.0, path[0]
         bent = True
     else:
-        centre = (way[0] + way[-1]) / 2.0 + place * normal
-        spokes = way - centre
+        centre = (path[0] + path[-1]) / 2.0 + place * normal
+        spokes = path - centre
         radius = float(np.hypot(*spokes[0]))
         angles = np.unwrap(np.arctan2(spokes[:, 1], spokes[:, 0]))
         sweep = float(angles[-1] - angles[0])
@@ -195,7 +195,7 @@ def _fits(way: Floats, others: Floats, times: Floats, tolerance: float) -> tuple
             return False, centre, 0.0
         share, error, arc = (angles - angles[0]) / sweep, np.abs(np.hypot(*spokes.T) - radius), abs(sweep) * radius
         bulge = radius * (1.0 - np.cos(sweep / 2.0))
-        chords = np.hypot(*np.diff(way, axis=0).T)
+        chords = np.hypot(*np.diff(path, axis=0).T)
         bent = abs(sweep) < np.pi and bool(np.all(chords * chords <= 8.0 * radius * MOST_SAGITTA_MM))
     lead = (times - times[0]) / (times[-1] - times[0]) - share
     good = (
@@ -209,16 +209,16 @@ def _fits(way: Floats, others: Floats, times: Floats, tolerance: float) -> tuple
 
 
 def merged(trajectory: Trajectory, columns: list[Column], controller: Controller) -> tuple[Trajectory, list[Column]]:
-    """The same with runs of straight blocks on one circle as single circular blocks.
+    """Replace runs of straight blocks on one circle by single circular blocks.
 
-    Without such runs, what was given is returned.
+    Without such runs, the arguments are returned unchanged.
     """
     place = {column.joint: column for column in columns}
     if not {"x", "y", "z"} <= set(place):
         return trajectory, columns
     able = (trajectory.kinds == Kind.LINEAR) & (trajectory.stated == 0)
     for column in columns:
-        # An arc turns no rotary axis, and takes no axis that the control does not interpolate.
+        # An arc must not move a rotary axis, or an axis that the control does not interpolate.
         if column.axis.word or column.joint in FIXED:
             able &= ~column.moved
     joined = np.diff(trajectory.courses, prepend=-1) == 0
@@ -227,7 +227,7 @@ def merged(trajectory: Trajectory, columns: list[Column], controller: Controller
     if not planes:
         return trajectory, columns
     count = len(trajectory)
-    found = find(
+    runs = find(
         points=np.column_stack([place[joint].numbers / 10.0 ** place[joint].axis.decimals for joint in "xyz"]),
         others=np.column_stack(
             [column.numbers / 10.0**column.axis.decimals for column in columns if column.joint not in ("x", "y", "z")]
@@ -238,22 +238,22 @@ def merged(trajectory: Trajectory, columns: list[Column], controller: Controller
         planes=planes,
         tolerance=controller.arcs.tolerance_mm,
     )
-    if not len(found.firsts):
+    if not len(runs.firsts):
         return trajectory, columns
     inside = np.zeros(count + 1, dtype=np.int64)
-    inside[found.firsts] += 1
-    inside[found.lasts] -= 1
+    inside[runs.firsts] += 1
+    inside[runs.lasts] -= 1
     kept = np.cumsum(inside)[:count] == 0
     totals = np.concatenate([[0.0], np.cumsum(trajectory.durations)])
     durations, kinds = trajectory.durations.copy(), trajectory.kinds.copy()
-    durations[found.lasts] = totals[found.lasts + 1] - totals[found.firsts]
-    kinds[found.lasts] = np.where(found.clockwise, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)
+    durations[runs.lasts] = totals[runs.lasts + 1] - totals[runs.firsts]
+    kinds[runs.lasts] = np.where(runs.clockwise, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)
     plane_of = np.zeros(count, np.uint8) if trajectory.planes is None else trajectory.planes.copy()
     centres = np.full((count, 3), np.nan) if trajectory.centres is None else trajectory.centres.copy()
-    plane_of[found.lasts] = found.planes
-    begins = np.column_stack([place[joint].numbers[found.firsts] for joint in "xyz"])
+    plane_of[runs.lasts] = runs.planes
+    begins = np.column_stack([place[joint].numbers[runs.firsts] for joint in "xyz"])
     scales = np.array([10.0 ** place[joint].axis.decimals for joint in "xyz"])
-    centres[found.lasts] = (begins / scales + found.centres) / 1e3
+    centres[runs.lasts] = (begins / scales + runs.centres) / 1e3
     whole = Trajectory(
         axes=trajectory.axes,
         start=trajectory.start,
@@ -268,7 +268,7 @@ def merged(trajectory: Trajectory, columns: list[Column], controller: Controller
         planes=plane_of[kept],
     )
     circular = np.zeros(count, dtype=bool)
-    circular[found.lasts] = True
+    circular[runs.lasts] = True
     merged_columns = []
     for column in columns:
         numbers = column.numbers[np.append(True, kept)]
@@ -285,7 +285,7 @@ class Circles:
         of_block: (n,) number of the circle of each block, -1 where it is straight.
         axes: (m, 2) indices into x, y, z of the plane's first and second axis.
         planes: (m,) number of the plane.
-        offsets: (m, 3) centre from the begin along x, y, z in units of their last decimals.
+        offsets: (m, 3) centre from the beginning along x, y, z in units of their last decimals.
         lengths: (m,) of the arcs in millimetres.
         clockwise: (m,) sense, seen against the plane's third axis.
     """
@@ -299,7 +299,7 @@ class Circles:
 
 
 def circles(trajectory: Trajectory, columns: Sequence[Column]) -> Circles:
-    """Circular blocks from their rounded ends; nothing but their centre is taken from elsewhere."""
+    """Return the circular blocks, computed from their rounded ends and their given centres."""
     blocks = np.flatnonzero(np.isin(trajectory.kinds, (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     of_block = np.full(len(trajectory) + 1, -1)
     of_block[blocks] = np.arange(len(blocks))

@@ -1,4 +1,4 @@
-"""Blocks: what the words of every line ask the control for."""
+"""Blocks: the meaning of the words of every line for the control."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import InputFault, ProgramRefused
 from tapelayer.motion.trajectory import Kind
 
-# What G words say, and which of them exclude each other in a block: an action, a distance mode, a feed mode, a plane.
+# Meanings of G words, and their groups of which a block has one word each: action, distance, feed mode, plane.
 _RAPID, _LINEAR, _CLOCKWISE, _COUNTERCLOCKWISE, _DWELL, _SET = range(1, 7)
 _ABSOLUTE, _INCREMENTAL, _PER_MINUTE, _INVERSE_TIME, _XY, _ZX, _YZ, _NO_EFFECT = range(7, 15)
 _GROUPS = np.array([0, 1, 1, 1, 1, 1, 1, 2, 2, 3, 3, 4, 4, 4, 0], dtype=np.uint8)
@@ -30,23 +30,23 @@ _PLANES = {"xy": _XY, "zx": _ZX, "yz": _YZ}
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """What the lines do.
+    """The actions of the lines.
 
     Attributes:
         words: the words of the text.
         rows: (n,) lines (from 0) that are blocks of the trajectory.
-        of_line: (lines,) block of each line that is one.
+        of_line: (lines,) block of each line that makes one.
         kinds: (n,) `Kind` of each.
         events: (n,) `Event` of each.
         pauses: (n,) seconds of each dwell, NaN elsewhere.
-        outputs: (n,) blocks that consist of axis words which the control does not interpolate.
+        outputs: (n,) blocks that consist only of axis words that the control does not interpolate.
         inverse: (n,) whether feeds are inverse time.
-        feeds: (lines,) feed word of each line, NaN without.
+        feeds: (lines,) feed word of each line, NaN without one.
         mode_changes: (lines,) where a feed mode is stated.
         incremental: (lines,) whether axis words are increments.
         sets: (lines,) whether axis words set the present position.
         planes: (n,) plane of circular blocks: 0 XY, 1 ZX, 2 YZ.
-        offsets: centre of each circular block from its begin along x, y, z: (n,) each, NaN where not written.
+        offsets: centre of each circular block from its beginning along x, y, z: (n,) each, NaN where not written.
         axes: indices of the words of each axis address.
         letters: one byte for each axis address, as in the words.
     """
@@ -79,7 +79,7 @@ class Blocks:
 
 
 def blocks_of(source: Source, words: Words, controller: Controller) -> Blocks:
-    """Meaning of every line, modal state carried forward."""
+    """Return the meaning of every line, carrying modal states forward."""
     codes = controller.codes
     letters = {axis.address: letter_of(axis.address, controller) for axis in controller.axes}
     axes = {address: words.of(letter, address.rstrip("=")) for address, letter in letters.items()}
@@ -149,12 +149,12 @@ def blocks_of(source: Source, words: Words, controller: Controller) -> Blocks:
 
 
 def _arguments(controller: Controller) -> list[str]:
-    """Letters of further words: feed, dwell time, arc centres, and what stands behind G and M words."""
+    """Return the letters of further words: feed, dwell time, arc centres, and arguments of G and M words."""
     codes = controller.codes
-    spoken = [*controller.events.values(), *controller.events_at_rest.values(), *codes.no_effect]
-    spoken += [axis.word for axis in controller.axes]
-    with_argument = (re.fullmatch(r"[GM][\d.]+ ([A-Z])[\d.]+", word) for word in spoken)
-    letters = {codes.dwell_address, controller.feed.address, *(found[1] for found in with_argument if found)}
+    known_words = [*controller.events.values(), *controller.events_at_rest.values(), *codes.no_effect]
+    known_words += [axis.word for axis in controller.axes]
+    with_argument = (re.fullmatch(r"[GM][\d.]+ ([A-Z])[\d.]+", word) for word in known_words)
+    letters = {codes.dwell_address, controller.feed.address, *(match[1] for match in with_argument if match)}
     if controller.arcs.planes:
         letters |= set(controller.arcs.offsets)
     return sorted(letters)
@@ -167,7 +167,7 @@ def _check_letters(
     used: Mapping[str, Mask],
     axes: Collection[int],
 ) -> None:
-    """Note words that the control does not know, or that have no meaning where they stand."""
+    """Note faults of words that the control does not know, or that have no meaning in their block."""
     for letter, belongs in used.items():
         for line in np.flatnonzero(~np.isnan(arguments[letter]) & ~belongs).tolist():
             words.fault_in(line, ord(letter), f"the {letter} word has no meaning in this block; remove it")
@@ -180,7 +180,7 @@ def _check_letters(
 
 
 def _check_end(words: Words, controller: Controller, ends: Mask) -> None:
-    """Note that the program does not end, or goes on after its end."""
+    """Note a fault where the program does not end, or continues after its end."""
     last = int(np.argmax(ends)) if ends.any() else words.line_count
     if last == words.line_count:
         sentence = f"the program does not end with {' or '.join(controller.blocks.end)}; it may be cut off"
@@ -192,7 +192,7 @@ def _check_end(words: Words, controller: Controller, ends: Mask) -> None:
 def _preparatory(
     words: Words, controller: Controller, arguments: Mapping[str, Floats], used: Mapping[str, Mask]
 ) -> dict[int, Bytes]:
-    """Meaning (lines,) of each line's G word of each group, 0 without; their arguments are marked as used."""
+    """Return the meaning (lines,) of each line's G word of each group, 0 without one, marking arguments as used."""
     codes = controller.codes
     meanings = {
         codes.rapid: _RAPID,
@@ -209,20 +209,20 @@ def _preparatory(
     meanings.pop("", None)
     meanings |= {word: _PLANES[plane] for plane, word in codes.planes.items()}
     meanings |= {word: _NO_EFFECT for word in codes.no_effect if re.fullmatch(r"G[\d.]+( [A-Z][\d.]+)?", word)}
-    # G words go to tenths (G92.1); what is none of them stays 0.
+    # G words have up to one decimal (G92.1); those without a meaning stay 0.
     tenths = np.zeros(10001, dtype=np.uint8)
     for word, meaning in meanings.items():
         tenths[round(code(word)[1] * 10)] = meaning
-    found = np.flatnonzero(words.letters == ord("G"))
-    scaled = words.values[found] * 10.0
+    g_words = np.flatnonzero(words.letters == ord("G"))
+    scaled = words.values[g_words] * 10.0
     whole = np.rint(scaled)
     exact = (np.abs(scaled - whole) < 1e-6) & (whole >= 0) & (whole < len(tenths))
     here = np.where(exact, tenths[np.where(exact, whole, 0).astype(np.int64)], 0)
-    for word in found[here == 0].tolist():
+    for word in g_words[here == 0].tolist():
         words.fault(word, f"G{words.values[word]:g} is no word of controller {controller.name}")
     for word in codes.no_effect:
         if argued := re.fullmatch(r"(G[\d.]+) ([A-Z])([\d.]+)", word):
-            lines = words.lines[found[words.values[found] == code(argued[1])[1]]]
+            lines = words.lines[g_words[words.values[g_words] == code(argued[1])[1]]]
             used[argued[2]][lines[arguments[argued[2]][lines] == float(argued[3])]] = True
     groups = {}
     for group, what in (
@@ -232,9 +232,9 @@ def _preparatory(
         (_PLANE, "plane"),
     ):
         members = np.flatnonzero(_GROUPS[here] == group)
-        words.once(found[members], what)
+        words.once(g_words[members], what)
         by_line = np.zeros(words.line_count, dtype=np.uint8)
-        by_line[words.lines[found[members]]] = here[members]
+        by_line[words.lines[g_words[members]]] = here[members]
         groups[group] = by_line
     return groups
 
@@ -242,16 +242,16 @@ def _preparatory(
 def _switching(
     words: Words, controller: Controller, arguments: Mapping[str, Floats], used: Mapping[str, Mask]
 ) -> tuple[NDArray[np.uint8], Mask, Mask]:
-    """Event (lines,) of each line, where the program ends, and where a word stands that puts axes out.
+    """Return each line's event (lines,), where the program ends, and where a word outputs axes.
 
     The arguments of those words are marked as used.
     """
-    found = np.flatnonzero(words.letters == ord("M"))
-    words.once(found, "M word")
-    lines, numbers = words.lines[found], words.values[found]
+    m_words = np.flatnonzero(words.letters == ord("M"))
+    words.once(m_words, "M word")
+    lines, numbers = words.lines[m_words], words.values[m_words]
 
     def standing(text: str) -> Mask:
-        """Which of the M words say this."""
+        """Return which of the M words are this one, marking its argument as used."""
         _, number, argument = code(text)
         here: Mask = numbers == number
         if argument:
@@ -272,12 +272,12 @@ def _switching(
         here = standing(text)
         axis_output[lines[here]] = True
         known |= here
-    for word in found[~known].tolist():
+    for word in m_words[~known].tolist():
         words.fault(word, f"M{words.values[word]:g} is no word of controller {controller.name}")
     return events, ends, axis_output
 
 
 def _held(values: NDArray[np.uint8], given: Mask, initial: int) -> NDArray[np.uint8]:
-    """Values carried forward from where they are given, `initial` before the first."""
+    """Carry values forward from where they are given, with `initial` before the first."""
     last = np.maximum.accumulate(np.where(given, np.arange(len(values)), -1))
     return np.where(last >= 0, values[last], np.uint8(initial))

@@ -1,4 +1,4 @@
-"""Columns: an axis's rounded numbers for every block, and where they are written."""
+"""Columns: the rounded numbers of each axis for every block, and where they are written."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import NotWritable
 from tapelayer.motion.trajectory import MOTIONS, Kind, Trajectory
 
-# Blocks rounded at once: they stay in the cache.
+# Blocks rounded at once, so that they stay in the cache.
 CHUNK = 1 << 14
 
 
@@ -25,9 +25,9 @@ class Column:
     Attributes:
         axis: the axis word.
         joint: the joint behind it.
-        numbers: (n + 1,) what is written at the start and after each block, in units of the last decimal; as long as
-            the axis is unknown, what it will first be.
-        written: (n,) where the word stands.
+        numbers: (n + 1,) number at the start and after each block, in units of the last decimal; while the axis is
+            unknown, its first known number.
+        written: (n,) blocks in which the word is written.
     """
 
     axis: AxisWord
@@ -36,7 +36,7 @@ class Column:
     written: Mask
 
     def steps(self, blocks: Ints) -> Floats:
-        """Change (m,) within the (m,) blocks, in written units."""
+        """Return the change (m,) within blocks (m,), in written units."""
         return (self.numbers[blocks + 1] - self.numbers[blocks]) / 10.0**self.axis.decimals
 
     @cached_property
@@ -60,10 +60,10 @@ class Column:
 
 
 def columns_of(trajectory: Trajectory, motions: Mask, axes: Sequence[tuple[AxisWord, int]]) -> list[Column]:
-    """Words of every axis; each axis comes with its column in the trajectory, and with it which blocks are motions."""
+    """Return the columns of axes, each given with its index in the trajectory, whose `motions` (n,) may move them."""
     count = len(trajectory)
     numbers = [np.empty(count + 1, dtype=np.int64) for _ in axes]
-    # How many values are unknown, and where the last of them stands; they agree where only the beginning is unknown.
+    # The number of unknown values and the position after the last one agree where only the beginning is unknown.
     unknown, unknown_to = [0] * len(axes), [0] * len(axes)
     for first in range(0, count + 1, CHUNK):
         page = trajectory.positions[max(first - 1, 0) : first - 1 + CHUNK]
@@ -90,7 +90,7 @@ def columns_of(trajectory: Trajectory, motions: Mask, axes: Sequence[tuple[AxisW
 def _column(
     axis: AxisWord, trajectory: Trajectory, index: int, numbers: Ints, unknown: int, unknown_to: int, motions: Mask
 ) -> Column:
-    """Words of one axis from its rounded numbers; of these the first `unknown` must be all that are unknown."""
+    """Return the column of one axis from its rounded numbers, of which only the first `unknown` may be unknown."""
     joint = trajectory.axes[index]
     if unknown != unknown_to:
         gap = np.isnan(trajectory.positions[:, index])
@@ -109,13 +109,13 @@ def _column(
     if still.any():
         raise NotWritable(f"block {int(np.argmax(still))}: axis {joint} changes in a block that is no motion")
     written[stated[motions[stated]]] = True
-    # Nothing is stated until the text has stated it, whatever the trajectory says of its start.
+    # The text must state every axis once, even if the trajectory gives its start.
     written[early.stop + np.flatnonzero(motions[early.stop :])[:1]] = True
     return Column(axis, joint, numbers, written)
 
 
 def moving(trajectory: Trajectory) -> Mask:
-    """Blocks (n,) that are motions."""
+    """Return the blocks (n,) that are motions."""
     motions = np.zeros(256, dtype=bool)
     motions[list(MOTIONS)] = True
     return motions[trajectory.kinds]

@@ -1,4 +1,4 @@
-"""Motions: where the axes of a program go, how far, and with which feed."""
+"""Motions: positions, distances and feeds of a program's axes."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from post.controllers.table import AxisWord
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.motion.trajectory import Kind
 
-# Joints of a plane's axes, from the first of which a counterclockwise block turns to the second.
+# Joints of each plane's axes: a counterclockwise block turns from the first to the second.
 _PAIRS = (("x", "y"), ("z", "x"), ("y", "z"))
-# Begin and end of an arc may differ this much in their distance from the centre: rounding, as controls allow.
+# The two ends of an arc may differ this much in their distance from the centre, as controls allow for rounding.
 RADIUS_TOLERANCE_MM = 0.005
 
 
@@ -25,9 +25,9 @@ class AxisPath:
     """How one axis moves, in the unit it is written in.
 
     Attributes:
-        blocks: (m,) blocks in which its word stands.
-        positions: (m,) at the end of each.
-        steps: (m,) change within each, NaN in the first.
+        blocks: (m,) blocks that contain its word.
+        positions: (m,) at the end of each of them.
+        steps: (m,) change within each of them, NaN in the first.
     """
 
     blocks: Ints
@@ -35,18 +35,18 @@ class AxisPath:
     steps: Floats
 
     def step(self, block: int) -> float:
-        """Change within a block."""
+        """Return the change within a block."""
         place = int(np.searchsorted(self.blocks, block))
         return float(self.steps[place]) if place < len(self.blocks) and self.blocks[place] == block else 0.0
 
     def steps_in(self, blocks: Ints) -> Floats:
-        """Change within each of the (m,) blocks, 0 where the axis's word does not stand."""
+        """Return the change within each of the blocks (m,), 0 in those without the axis's word."""
         place = np.searchsorted(self.blocks, blocks)
         here = np.append(self.blocks, -1)[place] == blocks
         return np.where(here, np.append(self.steps, 0.0)[place], 0.0)
 
     def before(self, block: int) -> float:
-        """Position at a block's begin."""
+        """Return the position at a block's beginning."""
         return float(self.positions[int(np.searchsorted(self.blocks, block)) - 1])
 
 
@@ -56,10 +56,10 @@ def from_mm(millimetres: Floats) -> Floats:
 
 
 def axis_path(blocks: Blocks, axis: AxisWord) -> AxisPath:
-    """Motion of an axis: absolute and incremental words, and words that set its position."""
+    """Return the motion of an axis from its absolute and incremental words, and words that set its position."""
     words, address = blocks.words, axis.address
     lines, values = words.lines[blocks.axes[address]], words.values[blocks.axes[address]]
-    # An M word that takes the number knows no increments.
+    # A number that belongs to an M word is never an increment.
     incremental, sets = blocks.incremental[lines] & (not axis.word), blocks.sets[lines]
     if np.any(incremental | sets):
         positions = _absolute(blocks, address, lines, values)
@@ -77,18 +77,18 @@ def axis_path(blocks: Blocks, axis: AxisWord) -> AxisPath:
 
 
 def _absolute(blocks: Blocks, address: str, lines: NDArray[np.int32], values: Floats) -> Floats:
-    """Absolute positions (m,) at an axis's words, of which some are incremental or set its position (NaN there)."""
+    """Return absolute positions (m,) at an axis's words, some of them incremental or setting its position (NaN)."""
     positions = np.full(len(lines), np.nan)
     sets = np.flatnonzero(blocks.sets[lines])
     position, offset = np.nan, 0.0
     for begin, end in zip([0, *(sets + 1)], [*sets, len(lines)], strict=True):
         incremental = blocks.incremental[lines[begin:end]]
-        stretch = values[begin:end]
-        if len(stretch):
-            sums = np.cumsum(np.where(incremental, stretch, 0.0))
-            last = np.maximum.accumulate(np.where(incremental, -1, np.arange(len(stretch))))
-            anchors = np.where(last < 0, position, stretch[last] + offset - sums[last])
-            positions[begin:end] = np.where(incremental, anchors + sums, stretch + offset)
+        part = values[begin:end]
+        if len(part):
+            sums = np.cumsum(np.where(incremental, part, 0.0))
+            last = np.maximum.accumulate(np.where(incremental, -1, np.arange(len(part))))
+            anchors = np.where(last < 0, position, part[last] + offset - sums[last])
+            positions[begin:end] = np.where(incremental, anchors + sums, part + offset)
             lost = np.flatnonzero(np.isnan(positions[begin:end]))
             if len(lost):
                 sentence = f"an increment of {address.rstrip('=')} before a rapid has stated it"
@@ -102,16 +102,16 @@ def _absolute(blocks: Blocks, address: str, lines: NDArray[np.int32], values: Fl
 
 
 def feeds_of(blocks: Blocks, moved: Mask) -> Floats:
-    """Feed (n,) that holds in each block, per minute or inverse time; NaN where none does."""
+    """Return the feed (n,) in effect in each block, per minute or inverse time; NaN where there is none."""
     line_numbers = np.arange(len(blocks.feeds))
     last = np.maximum.accumulate(np.where(np.isnan(blocks.feeds), -1, line_numbers))
     changed = np.maximum.accumulate(np.where(blocks.mode_changes, line_numbers, -1))
     rows = blocks.rows
     feeds = np.where((last >= 0) & (last >= changed), blocks.feeds[last], np.nan)[rows]
-    # One over the minutes of one block says nothing of the next.
+    # An inverse-time feed holds for its own block only.
     feeds = np.where(blocks.inverse, blocks.feeds[rows], feeds)
     missing = blocks.feeding & moved & np.isnan(feeds)
-    # Where a feed per minute is missing, only the first of the blocks that miss it is named.
+    # Where a feed per minute is missing in consecutive blocks, only the first of them is reported.
     modal = missing & ~blocks.inverse
     for row in np.flatnonzero(missing & ~(modal & np.concatenate([[False], modal[:-1]]))).tolist():
         blocks.words.source.fault(int(rows[row]), 0, "a feed motion without a feed word; give it one")
@@ -120,7 +120,7 @@ def feeds_of(blocks: Blocks, moved: Mask) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Circles:
-    """Geometry of the circular blocks.
+    """The geometry of circular blocks.
 
     Attributes:
         any: whether there are any.
@@ -138,7 +138,7 @@ class Circles:
 
 
 def circles_of(blocks: Blocks, paths: Mapping[str, AxisPath], controller: Controller) -> Circles:
-    """Centres and arc lengths of circular blocks; notes those that are none."""
+    """Return centres and arc lengths of circular blocks, noting faults of malformed ones."""
     circular = np.flatnonzero(np.isin(blocks.kinds, (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     if not len(circular):
         return Circles(False, np.empty((0, 3)), circular, (), np.empty(0))
@@ -180,7 +180,7 @@ def circles_of(blocks: Blocks, paths: Mapping[str, AxisPath], controller: Contro
 
 
 def where_moved(count: int, paths: Iterable[AxisPath]) -> Mask:
-    """Blocks (n,) in which one of the axes moves."""
+    """Return the blocks (n,) in which any of the axes moves."""
     moved = np.zeros(count, dtype=bool)
     for path in paths:
         moved[path.blocks[np.abs(path.steps) > 0.0]] = True
@@ -188,7 +188,7 @@ def where_moved(count: int, paths: Iterable[AxisPath]) -> Mask:
 
 
 def lengths_of(paths: Mapping[str, AxisPath], moved: Mask, circles: Circles, controller: Controller) -> Floats:
-    """Length (n,) of each block that its feed is along, in written units, by the control's rule."""
+    """Return the length (n,) of each block to which its feed refers, in written units, by the control's rule."""
     lengths = np.zeros(len(moved))
     for group in controller.feed.path:
         norms = _norms([paths[address] for address in group if address in paths], len(moved))
@@ -207,7 +207,7 @@ def lengths_of(paths: Mapping[str, AxisPath], moved: Mask, circles: Circles, con
 
 
 def _norms(paths: Sequence[AxisPath], count: int) -> Floats:
-    """Root (n,) of the summed squares of some axes' changes within each block."""
+    """Return the root (n,) of the summed squares of some axes' changes within each block."""
     squares = np.zeros(count)
     for path in paths:
         squares[path.blocks] += path.steps * path.steps

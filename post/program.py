@@ -21,11 +21,11 @@ from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.provenance import Provenance
 from tapelayer.verification.verified import Verdict, Verified
 
-# The joint that feeds the tape, which some controls set to zero at each course.
+# The joint that feeds the tape, which some controls reset to zero at each course.
 TAPE = "u"
-# A feed below the six digits that these decimals leave it belongs to a motion that is a dwell by any measure.
+# A feed so small that these decimals leave it fewer than six digits belongs to a motion that is in effect a dwell.
 FEED_DECIMALS = 9
-# A motion without words that is shorter than this, in seconds, is no standstill: the motion behind it takes its time.
+# A motion without words shorter than this, in seconds, is not written as a dwell: the next motion takes its time.
 BRIEF = 5e-4
 PLANE_NAMES: tuple[Literal["xy", "zx", "yz"], ...] = ("xy", "zx", "yz")
 
@@ -36,21 +36,21 @@ def write(
     provenance: Provenance,
     levels: Mapping[Event, float] = MappingProxyType({}),
 ) -> bytes:
-    """NC text of a verified trajectory.
+    """Return the NC text of a verified trajectory.
 
     Axis words are written where their rounded text changes or where the trajectory states the axis, and for every axis
-    at the first motion that knows it. The feed word is computed from the rounded end points. A motion in which no
+    at the first motion with a known value. The feed word is computed from the rounded end points. A motion in which no
     rounded word changes is written as a dwell of its duration; a brief one is dropped and its time is added to the next
     block if that is a straight motion, or else collected into one dwell. An axis that the control does not interpolate
     is written as its table says, and a block that moves no other is followed by a dwell of the block's duration. Runs
     of straight blocks on one circle are written as circular blocks where the control's table has planes for them.
 
     Args:
-        verified: what `verify` passed; the joint values of an axis may be NaN until it is first stated.
+        verified: the verified trajectory; the joint values of an axis may be NaN until it is first stated.
         controller: the control's table.
-        provenance: what the header says about the program's sources.
-        levels: values that events carry, in the unit of the control (the arc's current in A); a control whose table has
-            no letter for a value sets it elsewhere.
+        provenance: the program's sources, for the header.
+        levels: values that events carry, in the unit of the control (the arc's current in A); ignored where the
+            control's table has no letter for them.
 
     Raises:
         NotWritable: the control lacks a word for an event, a number is beyond what it takes, a line would be too long,
@@ -85,16 +85,16 @@ def write(
 
 @dataclass(frozen=True, eq=False)
 class _Moves:
-    """What the blocks' words do.
+    """The effects of the blocks' words.
 
     Attributes:
         wordless: (n,) motions without words.
         written: (n,) blocks with words of axes that the control interpolates.
         moved: (n,) blocks in which such an axis moves.
-        straight: (n,) blocks that have a feed: these but for rapids.
+        straight: (n,) blocks that have a feed: the same without rapids.
         unsynchronised: (n,) blocks with words of axes that the control does not interpolate.
-        turned: (n,) blocks in which one of those moves.
-        exclusive: whether those stand in blocks of their own.
+        turned: (n,) blocks in which such an axis moves.
+        exclusive: whether those words need blocks of their own.
     """
 
     wordless: Mask
@@ -107,7 +107,7 @@ class _Moves:
 
 
 def _moves(trajectory: Trajectory, columns: Sequence[Column], controller: Controller) -> _Moves:
-    """What the blocks' words do; refuses what cannot be said in one block."""
+    """Return the effects of the blocks' words, and refuse those that one block cannot express."""
     plain = [column for column in columns if not column.axis.word]
     outputs = [column for column in columns if column.axis.word]
     exclusive = any(column.axis.alone for column in outputs)
@@ -142,15 +142,15 @@ def _moves(trajectory: Trajectory, columns: Sequence[Column], controller: Contro
 
 
 def _any(count: int, masks: Iterable[Mask]) -> Mask:
-    """Where one of the masks (n,) is set."""
-    found = np.zeros(count, dtype=bool)
+    """Return where any of the masks (n,) is set."""
+    union = np.zeros(count, dtype=bool)
     for mask in masks:
-        found |= mask
-    return found
+        union |= mask
+    return union
 
 
 def _times(trajectory: Trajectory, moves: _Moves, units: int) -> tuple[Floats, Ints]:
-    """Durations (n,) of straight blocks in seconds with those of dropped blocks added, and dwells (n,) in units."""
+    """Return durations (n,) of straight blocks in seconds, dropped blocks' time added, and dwells (n,) in units."""
     waits = moves.wordless | (trajectory.kinds == Kind.DWELL)
     pauses = np.zeros(len(trajectory), dtype=np.int64)
     pauses[waits] = rounded(trajectory.durations[waits] * units, 0)
@@ -159,7 +159,7 @@ def _times(trajectory: Trajectory, moves: _Moves, units: int) -> tuple[Floats, I
     if not len(dropped):
         return durations, pauses
     pauses[dropped] = 0
-    # Dropped blocks in a row share their fate: runs end where the next block is kept.
+    # Consecutive dropped blocks are treated as one: a run ends where the next block is kept.
     ends = np.flatnonzero(np.append(np.diff(dropped) > 1, True))
     totals = np.diff(np.cumsum(durations[dropped])[ends], prepend=0.0)
     following = dropped[ends] + 1
@@ -173,7 +173,7 @@ def _times(trajectory: Trajectory, moves: _Moves, units: int) -> tuple[Floats, I
 def _feeds(
     feeding: Mask, durations: Floats, columns: Sequence[Column], circles: arcs.Circles, controller: Controller
 ) -> Floats:
-    """Feed (n,) of each block that has one, by the control's rule; 0 elsewhere."""
+    """Return the feed (n,) of each block that has one, by the control's rule; 0 elsewhere."""
     straight = np.flatnonzero(feeding)
     minutes = durations[straight] / 60.0
     if not np.all(minutes > 0.0):
@@ -197,7 +197,7 @@ def _feeds(
 
 
 def _norm(columns: Sequence[Column], blocks: Ints, circles: arcs.Circles) -> Floats:
-    """Root (m,) of the summed squares of the axes' changes within the (m,) blocks, along arcs instead of chords."""
+    """Return the root (m,) of the summed squares of the axes' changes within blocks (m,), along arcs, not chords."""
     total = np.zeros(len(blocks))
     circle = circles.of_block[blocks]
     circular = np.flatnonzero(circle >= 0)
@@ -225,13 +225,13 @@ def _check_events(trajectory: Trajectory, controller: Controller) -> None:
 
 
 def _starts(courses: np.ndarray) -> Ints:
-    """Blocks at which a course begins."""
+    """Return the blocks at which a course begins."""
     before = np.concatenate([[-1], courses[:-1]])
     return np.flatnonzero((courses != before) & (courses >= 0))
 
 
 def _reset(column: Column, starts: Ints) -> Column:
-    """Words of the tape's axis counted from each course's start."""
+    """Return the tape axis's column with numbers counted from each course's start."""
     epochs = np.cumsum(np.bincount(starts + 1, minlength=len(column.numbers)))
     known = np.flatnonzero(column.written)[:1]
     zeros = np.where(starts > known, column.numbers[starts], 0)
@@ -239,14 +239,14 @@ def _reset(column: Column, starts: Ints) -> Column:
 
 
 def _layout(trajectory: Trajectory, moves: _Moves, pauses: Ints, units: int) -> Layout:
-    """Rows of the blocks: none for what is dropped, more than one where an axis is not interpolated."""
+    """Return the rows of the blocks: none for dropped blocks, several where an axis is not interpolated."""
     kept = moves.written | (pauses > 0) | (trajectory.kinds == Kind.SWITCH)
     if not moves.unsynchronised.any():
         blocks = np.flatnonzero(kept)
         return Layout(blocks, moves.written[blocks], np.zeros(len(blocks), dtype=bool), pauses[blocks])
     apart = moves.unsynchronised & (~moves.written | moves.exclusive)
     waits = np.flatnonzero(apart & moves.turned & ~moves.moved)
-    # A block is its output, the wait for that, and the rest, in this order.
+    # A block becomes its output, the wait for that, and the rest, in this order.
     parts = [np.flatnonzero(apart), waits, np.flatnonzero(kept)]
     blocks = np.concatenate(parts)
     part = np.repeat([0, 1, 2], [len(rows) for rows in parts])
@@ -273,7 +273,7 @@ def _rows(
     controller: Controller,
     levels: Mapping[Event, float],
 ) -> TextRows:
-    """Rows with modal G and feed words, and the fixed texts between."""
+    """Return the rows with modal G and feed words, and the fixed texts between them."""
     blocks = layout.blocks
     epochs = np.cumsum(np.bincount(starts, minlength=len(trajectory)))[blocks]
     texts = [""]
@@ -344,7 +344,7 @@ def _rows(
 
 
 def _level(event: Event, controller: Controller, levels: Mapping[Event, float]) -> str:
-    """The value that an event carries, as a word with its space; empty for none."""
+    """Return the value that an event carries as a word with its space; empty for none."""
     letters = {Event[name.upper()]: letter for name, letter in controller.levels.items()}
     if event not in levels or event not in letters:
         return ""
@@ -353,7 +353,7 @@ def _level(event: Event, controller: Controller, levels: Mapping[Event, float]) 
 
 
 def _at_rest(layout: Layout, events: NDArray[np.uint8], switches: Ints) -> Mask:
-    """Switching rows (m,) that no motion follows at once, other switching rows left out; a stop is no motion."""
+    """Return which switching rows (m,) are not followed by a motion, ignoring other switching rows except a stop."""
     follows = np.ones(len(layout.blocks), dtype=bool)
     follows[switches] = events[switches] == Event.STOP
     candidates = np.flatnonzero(follows)
@@ -364,14 +364,14 @@ def _at_rest(layout: Layout, events: NDArray[np.uint8], switches: Ints) -> Mask:
 
 
 def _same(*keys: np.ndarray) -> Mask:
-    """Where all keys are those of the row before."""
+    """Return where all keys equal those of the row before."""
     same = np.zeros(len(keys[0]), dtype=bool)
     same[1:] = np.logical_and.reduce([key[1:] == key[:-1] for key in keys])
     return same
 
 
 def _feed_digits(feeds: Floats, digits: int) -> tuple[Ints, Ints]:
-    """Feeds as integers with the number of their decimals, so that each has at least that many significant digits."""
+    """Return feeds as integers and their decimals, so that each has at least `digits` significant digits."""
     written = feeds > 0.0
     magnitudes = np.floor(np.log10(feeds, where=written, out=np.zeros(len(feeds)))).astype(np.int64)
     decimals = np.where(written, np.maximum(digits - 1 - magnitudes, 0), 0)

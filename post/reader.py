@@ -1,7 +1,7 @@
-"""Reader: NC text to a trajectory; written on its own, it shares no formatting or rounding with the writer.
+"""Reader: NC text to a trajectory; written independently, it shares no formatting or rounding with the writer.
 
-Four steps lead there, each over all lines at once: `source` takes the comments out, `scan` reads letters and numbers,
-`blocks` carries the control's modes forward and says what every line does, and `motions` where the axes go and how far.
+It has four steps, each over all lines at once: `source` takes the comments out, `scan` reads letters and numbers,
+`blocks` carries the control's modes forward and interprets every line, and `motions` computes positions and distances.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ _COURSE = re.compile(r"course +(\d{1,9})\b", re.IGNORECASE)
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A program that was read.
+    """A program read from text.
 
     Attributes:
         name: as the user named it.
         trajectory: its blocks; an axis is NaN until a rapid states it.
         comments: its comments, in order.
-        source: base name of what it was made from, as its header says; empty where it says nothing, as below.
-        source_sha256: SHA-256 of that.
+        source: base name of its source, from its header; like the next four empty where the header lacks it.
+        source_sha256: SHA-256 of the source.
         setup_sha256: SHA-256 of the effective setup.
-        version: version of what wrote it.
-        controller: name of the controller table it was written with.
+        version: version of the package that wrote it.
+        controller: name of the controller table used to write it.
     """
 
     name: str
@@ -55,23 +55,22 @@ class Program:
 def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limits: Limits, name: str) -> Program:
     """Read a program.
 
-    A control begins in absolute positions and feed per minute. A straight block takes the time that the control's feed
-    rule gives it; a rapid that of its slowest axis, not counting axes that nothing had stated before. Courses are
-    those of the program's own comments (`course 3`); where it has none they are counted: a course begins with the
-    first rapid between an end of laying (shoe up, arc off) and the next beginning (shoe down, arc on), or at that
-    beginning where no rapid stands between.
+    A control begins in absolute positions and feed per minute. A straight block takes the time given by the control's
+    feed rule; a rapid takes that of its slowest axis, ignoring axes not stated before. Courses come from the program's
+    own comments (`course 3`); without comments they are counted: a course begins with the first rapid between an end of
+    laying (shoe up, arc off) and the next beginning (shoe down, arc on), or at that beginning without such a rapid.
 
     Args:
         text: bytes of the program.
         controller: the control's table.
         machine_axes: joints of the machine, the columns of the trajectory.
-        limits: of these joints, by which rapids go.
+        limits: of these joints, which set the time of rapids.
         name: name of the file, for messages.
 
     Raises:
         ProgramRefused: a word is unknown, malformed or contradicts another, an axis moves before a rapid has stated
-            it, a feed is missing, or the program does not end; each with line and column, all at once: first those of
-            the words, and where there are none, those of the motions.
+            it, a feed is missing, or the program does not end; each with line and column, all at once: faults of
+            the words or, without any, those of the motions.
         ControllerRefused: the control has no address for one of the machine's axes.
     """
     axes = controller.addressed(machine_axes)
@@ -112,31 +111,31 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
         centres=circles.centres[rows] if circles.any else None,
         planes=blocks.planes[rows] if circles.any else None,
     )
-    said: dict[str, str] = {}
+    header: dict[str, str] = {}
     for comment in source.comments:
-        if found := _HEADER.match(comment.text):
-            said.setdefault(found[1], found[2])
+        if match := _HEADER.match(comment.text):
+            header.setdefault(match[1], match[2])
     return Program(
         name=name,
         trajectory=trajectory,
         comments=tuple(source.comments),
-        source=said.get("source:", ""),
-        source_sha256=said.get("source sha256:", ""),
-        setup_sha256=said.get("setup sha256:", ""),
-        version=said.get("tapelayer", ""),
-        controller=said.get("controller:", ""),
+        source=header.get("source:", ""),
+        source_sha256=header.get("source sha256:", ""),
+        setup_sha256=header.get("setup sha256:", ""),
+        version=header.get("tapelayer", ""),
+        controller=header.get("controller:", ""),
     )
 
 
 def _in_si(axis: AxisWord, values: Floats) -> Floats:
-    """Metres or radians for values of an axis in the unit in which it is written; any shape."""
+    """Return metres or radians for values of an axis in its written unit; any shape."""
     return np.deg2rad(values) if axis.unit == "deg" else from_mm(values)
 
 
 def _positions(
     blocks: Blocks, paths: Mapping[str, AxisPath], axes: Sequence[tuple[AxisWord, int]]
 ) -> tuple[Floats, NDArray[np.uint16]]:
-    """Joint values (n, k) at each block's end, NaN before the first word, and bits (n,) of the axes it states."""
+    """Return joint values (n, k) at each block's end, NaN before the first word, and bits (n,) of stated axes."""
     positions = np.empty((len(blocks.rows), len(axes)))
     stated = np.zeros(len(blocks.rows), dtype=np.uint16)
     for axis, index in axes:
@@ -156,17 +155,17 @@ def _turn_outputs(
     durations: Floats,
     stated: NDArray[np.uint16],
 ) -> Mask:
-    """Make one block of each output that turns an axis and the dwell that follows it at once, in which the axis moves.
+    """Merge each output that turns an axis with the dwell directly after it into one block, in which the axis moves.
 
     Args:
         blocks: of the program.
         paths: of the axes that the control does not interpolate.
-        kinds: (n,) changed in place, as the next two are.
+        kinds: (n,) changed in place, like the next two.
         durations: (n,) seconds.
         stated: (n,) bits of the axes that a block states.
 
     Returns:
-        (n,) the blocks that are left.
+        (n,) the blocks to keep.
     """
     turned = where_moved(len(blocks.rows), paths)
     turns = np.flatnonzero(blocks.outputs & turned)
@@ -175,7 +174,7 @@ def _turn_outputs(
     durations[waiting] = blocks.pauses[waiting + 1]
     kept = np.ones(len(kinds), dtype=bool)
     kept[waiting + 1] = False
-    # Where an axis is only stated again, that belongs to the next block.
+    # An output that only restates an axis belongs to the next block.
     again = blocks.outputs & ~turned
     for path in paths:
         again[path.blocks[:1]] = False
@@ -188,10 +187,10 @@ def _turn_outputs(
 
 
 def _courses(comments: Sequence[Comment], blocks: Blocks) -> NDArray[np.int32]:
-    """Index (n,) of the course that each block serves, -1 before the first."""
-    found = [(comment.line - 1, int(number[1])) for comment in comments if (number := _COURSE.match(comment.text))]
-    if found:
-        lines, numbers = np.array(found).T
+    """Return the index (n,) of the course that each block serves, -1 before the first."""
+    marks = [(comment.line - 1, int(number[1])) for comment in comments if (number := _COURSE.match(comment.text))]
+    if marks:
+        lines, numbers = np.array(marks).T
         return np.concatenate([[-1], numbers - 1])[np.searchsorted(lines, blocks.rows, "right")].astype(np.int32)
     begins = np.flatnonzero(np.isin(blocks.events, (Event.SHOE_DOWN, Event.ARC_ON)))
     ends = np.flatnonzero(np.isin(blocks.events, (Event.SHOE_UP, Event.ARC_OFF)))

@@ -1,4 +1,4 @@
-"""Rows: the numbered lines of a program, in order, and the text that they become."""
+"""Rows: the numbered lines of a program, in order, and their text."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tapelayer.arrays import Ints, Mask
 from tapelayer.errors import NotWritable
 from tapelayer.provenance import Provenance
 
-# Rows made into text at once: their cells stay in the cache.
+# Rows turned into text at once, so that their cells stay in the cache.
 CHUNK = 1 << 14
 
 _COMMENT_MARK = b"\x01"
@@ -25,12 +25,12 @@ _NOT_IN_COMMENTS = re.compile(r"[^ -~]|[()%;]")
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Rows that the blocks become, in order.
+    """The rows that represent the blocks, in order.
 
     Attributes:
-        blocks: (m,) block that a row writes.
-        plain: (m,) whether it has the words of axes that the control interpolates.
-        outputs: (m,) whether it has those of the others.
+        blocks: (m,) block of each row.
+        plain: (m,) whether it holds the words of axes that the control interpolates.
+        outputs: (m,) whether it holds those of the other axes.
         pauses: (m,) dwell time in units of its last decimal, 0 where there is none.
     """
 
@@ -42,15 +42,15 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class TextRows:
-    """Numbered rows of the program, in order: those of the blocks, and fixed texts.
+    """The numbered rows of a program, in order: those of the blocks, and fixed texts.
 
     Attributes:
-        layout: what the rows write; a fixed text has block -1.
+        layout: contents of the rows; a fixed text has block -1.
         codes: (m,) index into `texts`.
         texts: G and M words and fixed texts, with their leading space; the first is empty.
         feeds: (m,) feed in units of its last decimal, 0 where none is written.
         feed_decimals: (m,) decimals of each feed.
-        comments: rows in front of which a course's comment stands, in order.
+        comments: rows preceded by a course's comment, in order.
     """
 
     layout: Layout
@@ -64,14 +64,14 @@ class TextRows:
 def body(
     rows: TextRows, columns: Sequence[Column], circles: arcs.Circles, controller: Controller, comments: Sequence[bytes]
 ) -> Iterator[bytes]:
-    """Return the text of the rows with the courses' comments in their places, piece by piece."""
+    """Yield the text of the rows with the courses' comments in their places, piece by piece."""
     remaining = iter(comments)
     for first in range(0, len(rows.codes), CHUNK):
         page = slice(first, min(first + CHUNK, len(rows.codes)))
         cells = _page(rows, page, columns, circles, controller)
         text = join(page.stop - page.start, cells)
         longest = controller.blocks.max_line
-        # The cells bound the length of a line; only where the bound is too long are the lines measured.
+        # The cells bound the length of a line, so lines are measured only where the bound is too long.
         if 4 * sum(len(word) for _, word in cells) > longest:
             ends = np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord("\n"))
             length = int(np.diff(ends, prepend=-1).max()) - 1
@@ -92,7 +92,7 @@ def body(
 def _page(
     rows: TextRows, page: slice, columns: Sequence[Column], circles: arcs.Circles, controller: Controller
 ) -> list[tuple[Ints | None, Cells]]:
-    """Cells of a slice of the rows."""
+    """Return the cells of a slice of the rows."""
     layout = rows.layout
     blocks, pauses = layout.blocks[page], layout.pauses[page]
     cells: list[tuple[Ints | None, Cells]] = []
@@ -134,7 +134,7 @@ def _page(
 
 
 def head(controller: Controller, provenance: Provenance) -> bytes:
-    """Return what stands before the first block: what the program was made from, and the units it speaks."""
+    """Return the header before the first block: the program's sources and units."""
     per = "1/min" if controller.feed.mode == "inverse_time" else "mm/min"
     lines = [
         f"tapelayer {provenance.version}",
@@ -150,12 +150,12 @@ def head(controller: Controller, provenance: Provenance) -> bytes:
 
 
 def course_comment(courses: np.ndarray, block: int, controller: Controller) -> bytes:
-    """Return the comment in front of a block that begins a course, of the (n,) courses that the blocks serve."""
+    """Return the comment before a block that begins a course; `courses` (n,) holds each block's course."""
     return _comment(f"course {courses[block] + 1} of {courses.max() + 1}", controller)
 
 
 def _comment(text: str, controller: Controller) -> bytes:
-    """Comment line; whatever could end the comment, or is no printable ASCII, becomes an underscore."""
+    """Return a comment line, with underscores for characters that could end it or are not printable ASCII."""
     safe = _NOT_IN_COMMENTS.sub("_", text)
     if controller.blocks.comment[0] == "(":
         line = f"({safe[: controller.blocks.max_line - 2]})"

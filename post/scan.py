@@ -1,4 +1,4 @@
-"""Scan: the words of a program, found by their letters and read eight bytes at a time."""
+"""Scan: the words of a program, located by their letters and read eight bytes at a time."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from tapelayer.arrays import Floats, Ints, Mask
 
 Eights = NDArray[np.uint64]
 
-# Numbers made at once: what they pass through stays in the cache.
+# Numbers converted at once, so that their intermediate arrays stay in the cache.
 CHUNK = 1 << 15
-# Digits that two times eight bytes hold, and the mantissa up to which a double is exact.
+# Digits in twice eight bytes, and the mantissa up to which a double is exact.
 LONGEST = 16
 EXACT = 2**53
-# Extended addresses (`Q1=`) are taken as one byte each from here on.
+# Extended addresses (`Q1=`) are represented by one byte each from here on.
 EXTENDED = 0x80
 _POWERS = 10.0 ** np.arange(LONGEST + 1)
 
 
 @dataclass(frozen=True, eq=False)
 class Words:
-    """The words of the text.
+    """The words of a text.
 
     Attributes:
-        source: the text they are from.
+        source: the text that holds them.
         letters: (m,) address of each word: its letter, or a code from EXTENDED on.
         values: (m,) the number after it.
         lines: (m,) line of each word, from 0.
@@ -53,37 +53,37 @@ class Words:
         line = int(self.lines[word])
         self.source.fault(line, word - int(self.firsts[line]), sentence)
 
-    def once(self, found: Ints, what: str) -> None:
-        """Note a fault where two of the words with these indices stand in one line."""
-        for second in (np.flatnonzero(np.diff(self.lines[found]) == 0) + 1).tolist():
-            self.fault(int(found[second]), f"a second {what} in one block; write it in a block of its own")
+    def once(self, indices: Ints, what: str) -> None:
+        """Note a fault where two of the words with these indices are in one line."""
+        for second in (np.flatnonzero(np.diff(self.lines[indices]) == 0) + 1).tolist():
+            self.fault(int(indices[second]), f"a second {what} in one block; write it in a block of its own")
 
     def of(self, letter: int, shown: str) -> Ints:
-        """Indices of the words with an address, of which a line has one at most."""
-        found = np.flatnonzero(self.letters == letter)
-        self.once(found, f"{shown} word")
-        return found
+        """Return the indices of the words with an address, noting faults where a line has several."""
+        indices = np.flatnonzero(self.letters == letter)
+        self.once(indices, f"{shown} word")
+        return indices
 
     def by_line(self, letter: int, shown: str) -> Floats:
-        """Number (lines,) after an address in each line, NaN where it does not stand."""
-        found = self.of(letter, shown)
+        """Return the number (lines,) after an address in each line, NaN in lines without it."""
+        indices = self.of(letter, shown)
         values = np.full(self.line_count, np.nan)
-        values[self.lines[found]] = self.values[found]
+        values[self.lines[indices]] = self.values[indices]
         return values
 
     def fault_in(self, line: int, letter: int, sentence: str) -> None:
-        """Note a fault of the word with an address in a line, or of the line where it has none."""
+        """Note a fault of the word with an address in a line, or of the line if there is none."""
         place = np.flatnonzero(self.letters[self.firsts[line] : self.firsts[line + 1]] == letter)
         self.source.fault(line, int(place[0]) if len(place) else -1, sentence)
 
 
 def words_of(source: Source, controller: Controller) -> Words:
-    """Words of the text: letters and numbers with any spaces between them."""
+    """Return the words of the text: letters and numbers with any spaces between them."""
     text = bytes(source.plain.translate(bytes(range(256)).upper(), b" \t"))
     extended = extended_addresses(controller)
     for number, address in enumerate(extended):
         text = text.replace(address.encode("ascii"), bytes([EXTENDED + number]))
-    # Numbers are taken eight bytes back from their ends, so something must stand in front.
+    # Numbers are read eight bytes back from their ends, so the text needs padding in front.
     padded = b"\0" * LONGEST + text
     data = np.frombuffer(padded, dtype=np.uint8)[LONGEST:]
     begins = np.flatnonzero(data >= FIRST_LETTER)
@@ -118,13 +118,13 @@ def extended_addresses(controller: Controller) -> list[str]:
 
 
 def letter_of(address: str, controller: Controller) -> int:
-    """Byte that stands for an address."""
+    """Return the byte that represents an address."""
     extended = extended_addresses(controller)
     return EXTENDED + extended.index(address) if address in extended else ord(address)
 
 
 def shown_letter(letter: int, extended: Sequence[str]) -> str:
-    """Return the address as the program writes it, for a letter that may stand for an extended one."""
+    """Return the address as the program writes it, for a letter that may represent an extended one."""
     return extended[letter - EXTENDED] if letter >= EXTENDED else chr(letter)
 
 
@@ -133,7 +133,7 @@ def _eight(byte: int) -> np.uint64:
 
 
 def _numbers(padded: bytes, begins: Ints, ends: Ints) -> tuple[Floats, Mask]:
-    """Numbers between two places each, and whether they are well formed: sign, digits and a point, one digit at least.
+    """Return the numbers between two places each, and whether each is well formed: sign, digits, at most one point.
 
     Args:
         padded: the text after LONGEST bytes of anything.
@@ -160,7 +160,7 @@ def _numbers(padded: bytes, begins: Ints, ends: Ints) -> tuple[Floats, Mask]:
         decimals[longer] = np.where(high_point >= 0, high_point + 8, decimals[longer])
         good[longer] &= well & ~(points[longer] & (high_point >= 0))
         points[longer] |= high_point >= 0
-        # The few that are too long for a mantissa that a double holds are left to Python.
+        # The few whose mantissa is too long for a double are left to Python.
         for at in longer[(length[longer] > LONGEST) | (mantissa >= EXACT)].tolist():
             text = padded[LONGEST + begins[at] : LONGEST + ends[at]]
             good[at] = re.fullmatch(rb"[+-]?(\d+\.?\d*|\.\d+)", text) is not None
@@ -171,7 +171,7 @@ def _numbers(padded: bytes, begins: Ints, ends: Ints) -> tuple[Floats, Mask]:
 
 
 def _digits(eights: Eights, length: Ints) -> tuple[Eights, Ints, Mask]:
-    """Last bytes of each eight as digits 0 to 9, its point's place from the right (-1: none), and whether that is all.
+    """Return the last bytes of each eight as digits, its point's place from the right or -1, and whether it is valid.
 
     The point keeps its place with the value 0x1E; bytes before the last `length` (1 to 8) are zero.
     """
@@ -179,7 +179,7 @@ def _digits(eights: Eights, length: Ints) -> tuple[Eights, Ints, Mask]:
     digits = (eights ^ _eight(0x30)) & mask
     difference = digits ^ _eight(0x1E)
     zero = (difference - _eight(0x01)) & ~difference & _eight(0x80)
-    # One bit at the point's byte; the product's top byte is then the byte of the factor with that place.
+    # With one bit set at the point's byte, the product's top byte is the byte of the factor at that place.
     place = ((zero >> np.uint64(7)) * np.uint64(0x0706050403020100)) >> np.uint64(56)
     point = np.where(zero == 0, -1, np.minimum(place, np.uint64(7)).astype(np.int64))
     without = np.where(zero == 0, digits, digits & ~((zero << np.uint64(1)) - (zero >> np.uint64(7))))
@@ -189,7 +189,7 @@ def _digits(eights: Eights, length: Ints) -> tuple[Eights, Ints, Mask]:
 
 
 def _closed(digits: Eights, point: Ints, carried: Eights | np.uint64) -> Eights:
-    """Digits without their point: those before it move up by one byte, and `carried` takes the freed place."""
+    """Remove the point from digits: those before it move up by one byte, and `carried` fills the freed place."""
     place = (np.maximum(7 - point, 0).astype(np.uint64)) << np.uint64(3)
     before = (np.uint64(1) << np.minimum(place, np.uint64(56))) - np.uint64(1)
     after = ~((before << np.uint64(8)) | np.uint64(0xFF))
@@ -197,7 +197,7 @@ def _closed(digits: Eights, point: Ints, carried: Eights | np.uint64) -> Eights:
 
 
 def _eight_digits(digits: Eights) -> Eights:
-    """Number (below 1e8) of eight digit values, the first in the lowest byte: pairs, fours, eights."""
+    """Return the number (below 1e8) of eight digit values, the first in the lowest byte, by pairs, fours and eights."""
     pairs = (digits * np.uint64(10) + (digits >> np.uint64(8))) & np.uint64(0x00FF00FF00FF00FF)
     fours = (pairs * np.uint64(100) + (pairs >> np.uint64(16))) & np.uint64(0x0000FFFF0000FFFF)
     return (fours * np.uint64(10000) + (fours >> np.uint64(32))) & np.uint64(0xFFFFFFFF)

@@ -1,4 +1,4 @@
-"""Source: the bytes of a program with its comments taken out, and its faults by line and column."""
+"""Source: the bytes of a program without its comments, and its faults by line and column."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Comment:
 
 
 class Source:
-    """The text without its comments, and the faults that were found in it.
+    """The text without its comments, and its faults.
 
     Attributes:
         name: name of the file.
-        plain: the text with comments and blocks without effect blanked, lines ended by one byte.
+        plain: the text with comments and blocks without effect blanked, lines ended by one byte each.
         comments: the comments, in order.
     """
 
@@ -53,7 +53,7 @@ class Source:
             self.refuse()
 
     def _take_comments(self, style: str) -> None:
-        """Take the comments out of the text, blanks in their place."""
+        """Replace the comments of the text by blanks, and record them."""
         text = self.plain
         end = line = counted = 0
         begins = [np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord(sign)) for sign in style]
@@ -75,9 +75,9 @@ class Source:
             self.comments.append(Comment(line + 1, inside.decode("utf-8", "replace").strip()))
 
     def _take_block(self, block: str) -> None:
-        """Blank the lines that consist of a block, but for spaces, case and a block number."""
+        """Blank the lines that consist of a block, ignoring spaces, case and a block number."""
         wanted = block.upper().replace(" ", "").encode("ascii")
-        # Its rarest sign leads to the few lines that can be it.
+        # Search for its rarest character, which few other lines contain.
         sign = next((wanted[i : i + 1] for i in range(len(wanted)) if not wanted[i : i + 1].isalnum()), wanted[:1])
         at = self.plain.find(sign)
         while at >= 0:
@@ -92,11 +92,11 @@ class Source:
         self._faults.append((self.plain.count(b"\n", 0, byte) + 1, byte - line_begin + 1, sentence))
 
     def fault(self, line: int, word: int, sentence: str) -> None:
-        """Note a fault of a line (from 0): of its word of that number (from 0), or of the whole line (-1)."""
+        """Note a fault of a word (from 0) in a line (from 0), or of the whole line (-1)."""
         self._faults.append((line + 1, -1 - word, sentence))
 
     def refuse(self) -> None:
-        """Raise what was found, if anything was.
+        """Raise the faults noted so far, if any.
 
         Raises:
             ProgramRefused: all faults, in the order of the text.

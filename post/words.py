@@ -1,7 +1,7 @@
-"""Fixed-point words: columns of numbers to NC text, without a step of Python per block.
+"""Fixed-point words: columns of numbers to NC text, without a Python step per block.
 
 A word is a few *cells* of four bytes, looked up in tables and padded with NUL; rows of cells become text by dropping
-the NULs. Numbers are integers from `rounded` on: the text is exact, has no exponent and never says -0.
+the NULs. Numbers are integers once `rounded`, so the text is exact, has no exponent and never reads -0.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ _EVERY_ROW = slice(None)
 def rounded(values: NDArray[np.float64], decimals: int) -> NDArray[np.int64]:
     """Round to whole units of the last decimal, half away from zero.
 
-    What is rounded is the product of value and 10^decimals in double precision, so that 1.0005 at three decimals
-    becomes 1.001 although its double lies a little below the tie.
+    The product of value and 10^decimals in double precision is rounded, so that 1.0005 at three decimals becomes 1.001
+    although its double lies slightly below the tie.
 
     Args:
-        values: any shape, in the unit that is written.
+        values: any shape, in the written unit.
         decimals: digits after the point.
 
     Raises:
         ValueError: a value is not finite, or too large for its last decimal to mean anything (2^53 units).
     """
     scaled = values * 10.0**decimals
-    # A NaN is the maximum of what it stands in, and fails the comparison.
+    # A NaN anywhere is the maximum, and fails the comparison.
     if not np.abs(scaled).max(initial=0.0) < _EXACT:
         raise ValueError(f"{values[~(np.abs(scaled) < _EXACT)][0]} has no fixed-point word with {decimals} decimals")
     whole = np.rint(scaled)
@@ -47,12 +47,12 @@ def rounded(values: NDArray[np.float64], decimals: int) -> NDArray[np.int64]:
 
 
 def words(address: bytes, numbers: NDArray[np.int64], decimals: int) -> Cells:
-    """Cells of one word a row.
+    """Return the cells of one word per row.
 
     Args:
-        address: what stands before the number, its leading space included: b" X", b" Q1=".
+        address: text before the number, including its leading space: b" X", b" Q1=".
         numbers: (m,) integers in units of the last decimal, as `rounded` gives them.
-        decimals: digits after the point; without any, no point is written.
+        decimals: digits after the point; 0 writes no point.
     """
     signs = literals([address, address + b"-"])
     negative = (numbers < 0).view(np.uint8)
@@ -69,7 +69,7 @@ def words(address: bytes, numbers: NDArray[np.int64], decimals: int) -> Cells:
 
 
 def literals(texts: Sequence[bytes]) -> Cells:
-    """Cells of fixed texts: index each with row numbers to choose a text a row; an empty text writes nothing.
+    """Return the cells of fixed texts: index each with text numbers to choose a text per row; empty ones write nothing.
 
     Args:
         texts: m texts without NUL.
@@ -80,7 +80,7 @@ def literals(texts: Sequence[bytes]) -> Cells:
 
 
 def join(rows: int, columns: Iterable[tuple[NDArray[np.int64] | None, Cells]]) -> bytes:
-    """Text of a table of words, row by row; it has line ends where a column brings them.
+    """Return the text of a table of words, row by row, with line ends only where a column provides them.
 
     Args:
         rows: number of rows.
@@ -95,7 +95,7 @@ def join(rows: int, columns: Iterable[tuple[NDArray[np.int64] | None, Cells]]) -
 
 
 def _whole(digits: NDArray[np.unsignedinteger]) -> Cells:
-    """Cells of whole numbers without leading zeros."""
+    """Return the cells of whole numbers without leading zeros."""
     most = int(digits.max(initial=0))
     if most < _GROUP:
         return (_table(0)[digits],)
@@ -103,14 +103,14 @@ def _whole(digits: NDArray[np.unsignedinteger]) -> Cells:
     high = digits // group
     low = digits - high * group
     above = _whole(high)
-    # Where nothing stands above, its zero is not written and the group below has no leading zeros.
+    # Where the group above is 0, it is not written, and the group below has no leading zeros.
     for cell in above:
         cell[high == 0] = 0
     return (*above, np.where(high == 0, _table(0)[low], _table(_GROUP_DIGITS)[low]))
 
 
 def _fraction(digits: NDArray[np.unsignedinteger], width: int) -> Cells:
-    """Cells of a point and `width` digits after it."""
+    """Return the cells of a point and `width` digits after it."""
     first = width % _GROUP_DIGITS
     scale = digits.dtype.type(10 ** (width - first))
     head = digits // scale
@@ -126,7 +126,7 @@ def _fraction(digits: NDArray[np.unsignedinteger], width: int) -> Cells:
 
 @cache
 def _table(width: int, point: bool = False) -> NDArray[np.uint32]:
-    """Every group of `width` digits with leading zeros (width 0: up to four digits without), after a point if asked."""
+    """Return every group of `width` digits with leading zeros (0: up to four without), after an optional point."""
     if not width and not point:
         texts = [b"%d" % i for i in range(_GROUP)]
     else:

@@ -67,12 +67,12 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import an export when it is first asked for (PEP 562): Pinocchio and SciPy take a second to import."""
+    """Import an export at its first use (PEP 562), because Pinocchio and SciPy take a second to import."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    """The exports, imported or not."""
+    """Return the exports, imported or not."""
     return __all__

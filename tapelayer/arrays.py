@@ -1,4 +1,4 @@
-"""Arrays of samples: rows are samples, and nobody changes them after they are made."""
+"""Arrays of samples: one row per sample, read-only once made."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """Return a read-only view of `array`; the array itself is left as it is.
+    """Return a read-only view of `array`, which itself stays as it is.
 
     Args:
         array: any shape, any unit.
@@ -34,7 +34,7 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
 
 @dataclass(frozen=True, eq=False)
 class Frozen:
-    """A frozen dataclass whose fields that are arrays are read-only."""
+    """A frozen dataclass whose array fields are read-only."""
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
@@ -46,14 +46,14 @@ class Frozen:
 
 @dataclass(frozen=True, eq=False)
 class SampleTable(Frozen):
-    """Columns of samples that belong together: a table whose fields are arrays with a row a sample."""
+    """A table of samples whose fields are columns with one row per sample."""
 
-    # Shape of a row, and type, of the columns that are not one number a row, for a table without rows.
+    # Empty columns for a table without rows, where a field does not hold one float per row.
     EMPTY: ClassVar[dict[str, NDArray[Any]]] = {}
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """The rows of several tables, one after the other; of none, no rows.
+        """Return the rows of several tables, one after the other; no rows for no tables.
 
         Examples:
             >>> @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Output: files that appear whole or not at all."""
+"""Atomic files: output that appears whole or not at all."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from tapelayer.errors import TargetNotWritable
 
 
 def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Write files together: each to a temporary file beside its target, and all renamed once every one is written.
+    """Write files together, each to a temporary file beside its target, and rename them all once every one is written.
 
-    A link is followed; a device or pipe is written to as it is.
+    Links are followed; devices and pipes are written to directly.
 
     Args:
         contents: bytes by target.
 
     Raises:
-        TargetNotWritable: a target cannot be written; whatever stood at any of the targets is untouched.
+        TargetNotWritable: a target cannot be written; all targets are left as they were.
 
     Examples:
         >>> with tempfile.TemporaryDirectory() as folder:
@@ -59,7 +59,7 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
 
 
 def _check(target: Path) -> None:
-    """Refuse what a rename would replace although nobody may write to it."""
+    """Refuse a target that a rename would replace although it is not writable."""
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if target.exists() and not (os.access(target, os.W_OK) and target.stat().st_mode & 0o222):
@@ -72,7 +72,7 @@ def _not_writable(target: Path, error: OSError) -> TargetNotWritable:
 
 
 def _mode(target: Path) -> int:
-    """Permissions of the file that is replaced, or those that a new file would get."""
+    """Return the permissions of the file to be replaced, or those that a new file would get."""
     with suppress(OSError):
         return target.stat().st_mode & 0o777
     mask = os.umask(0)

@@ -1,4 +1,4 @@
-"""Entry point: finds the command that is wanted, and ends it with a sentence and an exit code."""
+"""Entry point: picks the command to run, and turns its errors into a sentence and an exit code."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from tapelayer.errors import TapelayerError
 
 
 def main() -> None:
-    """Run the command line; `serve` does not wait for what the other commands import."""
+    """Run the command line; `serve` skips the imports of the other commands."""
     import_module("tapelayer.workbench.command" if sys.argv[1:2] == ["serve"] else "tapelayer.cli").main()
 
 
 def run(app: typer.Typer, arguments: Sequence[str], name: str) -> None:
-    """Run an application: every error of ours becomes its sentence on stderr and its exit code.
+    """Run an application, and turn each of our errors into a sentence on stderr and an exit code.
 
     Args:
         app: the application.
-        arguments: behind its name.
+        arguments: those after its name.
         name: as the user typed it.
     """
     try:

@@ -1,4 +1,4 @@
-"""Every error, one family: the name is the fact, the evidence is in attributes, the text says what to do."""
+"""Errors: one family, whose names state the fact, attributes hold the evidence, and texts say what to do."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Travel(Protocol):
 
 
 class TapelayerError(Exception):
-    """Something that was asked for cannot be done; the text is for the person who asked."""
+    """A request cannot be carried out; the text is written for the user."""
 
     exit_code = 2
 
@@ -41,10 +41,10 @@ class InputFault:
     """One fault of a file.
 
     Attributes:
-        line: the line it stands on (1-based, 0 where no line applies).
-        sentence: what is wrong, without the place.
+        line: line of the fault (1-based, 0 where no line applies).
+        sentence: what is wrong, without its place.
         column: 1-based, 0 where none applies.
-        place: the section, the key and what lies below it, where the file is one of values by section and key.
+        place: section, key and anything below it, in a file of values by section and key.
     """
 
     line: int
@@ -58,7 +58,7 @@ class InputRefused(TapelayerError):
 
     Args:
         name: the file as the user named it.
-        faults: every fault found, in file order.
+        faults: every fault, in file order.
     """
 
     def __init__(self, name: str, faults: Sequence[InputFault]) -> None:
@@ -68,7 +68,7 @@ class InputRefused(TapelayerError):
 
     @classmethod
     def unreadable(cls, name: str, error: OSError) -> Self:
-        """The refusal of a file that the system does not give.
+        """Return the refusal of a file that the system cannot read.
 
         Examples:
             >>> print(InputRefused.unreadable("panel.txt", FileNotFoundError(2, "No such file or directory")))
@@ -100,7 +100,7 @@ class SetupRefused(InputRefused):
 
 
 class ProgramOfOtherSetup(SetupRefused):
-    """A program was made with another setup than the one it is to be judged by."""
+    """A program was made with a different setup from the one it is judged by."""
 
 
 class ControllerRefused(InputRefused):
@@ -120,7 +120,7 @@ class FootprintRefused(InputRefused):
 
 
 class PitchNotFound(TapelayerError):
-    """No pitch keeps the coating as even as it was asked for."""
+    """No pitch keeps the coating as even as requested."""
 
 
 class ModelRefused(TapelayerError):
@@ -132,7 +132,7 @@ class ConfigurationRefused(TapelayerError):
 
 
 class AxisBeyondTravel(TapelayerError):
-    """A job needs axes beyond their travel; the worst place of each axis is named.
+    """A job needs axes to go beyond their travel; the worst place of each axis is named.
 
     Args:
         places: (course number, point from 1, axis, value in metres or radians) of each axis's worst place.
@@ -158,7 +158,7 @@ class TapeRunsBack(TapelayerError):
 
 
 class PartTooHigh(TapelayerError):
-    """The head at the top of its travel is not above the part, so it cannot go from course to course."""
+    """The head at the top of its travel does not clear the part, so it cannot move between courses."""
 
 
 class PoseUndefined(TapelayerError):
@@ -166,7 +166,7 @@ class PoseUndefined(TapelayerError):
 
 
 class TapeWiderThanTravel(TapelayerError):
-    """The tape with the knives' clearance is wider than a slide travels."""
+    """The tape with the knives' clearance is wider than the travel of a slide."""
 
 
 class BladesMeet(TapelayerError):
@@ -191,7 +191,7 @@ class CoursesRefused(TapelayerError):
 
 
 class CutAngleTooSmall(CoursesRefused):
-    """A cut lies flatter to the tape than the head may cut."""
+    """A cut makes a smaller angle with the tape than the head can cut."""
 
 
 class CutsCross(CoursesRefused):
@@ -203,11 +203,11 @@ class CourseLongerThanRoll(CoursesRefused):
 
 
 class NothingToSpray(TapelayerError):
-    """Nothing of a surface can be reached by the gun."""
+    """The gun can reach no part of a surface."""
 
 
 class NotWritable(TapelayerError):
-    """A trajectory cannot be said in a control's words."""
+    """A trajectory cannot be expressed in a control's words."""
 
 
 class VerificationFailed(TapelayerError):
@@ -221,11 +221,11 @@ class VerificationFailed(TapelayerError):
 
 
 class TargetNotWritable(TapelayerError):
-    """An output file cannot be written; whatever stood there before is untouched."""
+    """An output file cannot be written; any earlier file is left as it was."""
 
 
 class ServeRefused(TapelayerError):
-    """The workbench cannot be served as asked for."""
+    """The workbench cannot be served with the given options."""
 
 
 class WorkDirectoryRefused(TapelayerError):

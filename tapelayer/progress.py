@@ -1,36 +1,36 @@
-"""Progress: how long work says that it goes on, step by step and course by course."""
+"""Progress: how long-running work reports its steps and finished courses."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Protocol
 
-# Called once for every course that is done.
+# Called once per finished course.
 Tick = Callable[[], None]
 
 
 def silent() -> None:
-    """Say nothing."""
+    """Report nothing."""
 
 
 class Steps(Protocol):
-    """Who is told what is under way."""
+    """The receiver of a job's progress."""
 
     def begin(self, step: str, ticks: int | None = None) -> None:
-        """Go on to a step, of so many ticks where they are known."""
+        """Start a step, with its number of ticks where that is known."""
 
     def tick(self) -> None:
-        """One more is done."""
+        """Count one more tick as done."""
 
 
 class _Unseen:
-    """Steps that nobody looks at."""
+    """Steps that are not reported."""
 
     def begin(self, step: str, ticks: int | None = None) -> None:
-        """Say nothing."""
+        """Report nothing."""
 
     def tick(self) -> None:
-        """Say nothing."""
+        """Report nothing."""
 
 
 UNSEEN: Steps = _Unseen()

@@ -1,4 +1,4 @@
-"""Provenance: what a program was made from, as its header says it."""
+"""Provenance: what a program was made from, as its header states it."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class Provenance:
             raise ProgramOfOtherSetup(program, [InputFault(0, sentence)])
 
     def remarks(self, named: str, program: str, source: str) -> tuple[str, ...]:
-        """A sentence where a program's header names another source.
+        """Return a sentence where a program's header names another source; nothing elsewhere.
 
         Args:
             named: SHA-256 of a source as the header gives it; empty where it gives none.
             program: the program as the user named it.
-            source: what these sources are called, with this one's name.
+            source: what a source of this kind is called.
 
         Examples:
             >>> made = Provenance("panel.txt", source_sha256="ab12", setup_sha256="cd34", version="0.1.0")

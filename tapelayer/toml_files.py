@@ -1,4 +1,4 @@
-"""TOML: tables from bytes that anybody may have written, or the fault that they have; and tables as text."""
+"""TOML files: tables from untrusted bytes, or the fault in them, and tables as text."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from typing import Any
 
 from tapelayer.errors import InputFault, InputRefused
 
-# A key of many dots, or a number of very many digits, takes a parser of TOML more memory and time than there is.
+# Keys with many dots and numbers with very many digits exhaust the memory and time of a TOML parser.
 MOST_BYTES = 1 << 18
 LONGEST_LINE = 1000
 KEY_OF_DOTS = re.compile(r"""(?:(?:[\w-]++|"(?:[^"\\]|\\.)*+"|'[^']*+')[ \t]*+\.[ \t]*+){17}""", re.ASCII)
 
 
 def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict[str, Any], str]:
-    r"""Table of a TOML file, and its text.
+    r"""Return the table of a TOML file, and its text.
 
     Args:
-        data: the file's bytes, with a byte order mark or without.
+        data: the file's bytes, with or without a byte order mark.
         name: the file as the user named it.
-        refused: what is raised of the file's faults.
+        refused: error to raise with the file's faults.
 
     Raises:
-        InputRefused: `refused`, where the bytes are too many, no UTF-8 or no TOML.
+        InputRefused: `refused`, where there are too many bytes, or they are not UTF-8 or not TOML.
 
     Examples:
         >>> read_toml(b"[tape]\nwidth_mm = 75.0", "job.toml", InputRefused)[0]
@@ -43,7 +43,7 @@ def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise refused(name, [InputFault(0, f"byte {error.start} is not UTF-8; save the file as UTF-8")]) from None
-    # Only these end a line of TOML.
+    # Only LF ends a line of TOML.
     for number, line in enumerate(text.split("\n"), 1):
         if len(line) > LONGEST_LINE:
             sentence = f"the line has {len(line)} characters, expected at most {LONGEST_LINE}; break it"
@@ -62,7 +62,7 @@ def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict
 
 
 def toml_text(tables: Mapping[str, Mapping[str, Any]]) -> str:
-    """Tables of keys and values as TOML that is read back as the same; tables within them become dotted keys.
+    """Return tables of keys and values as TOML that reads back the same; tables within them become dotted keys.
 
     Args:
         tables: of strings, numbers, booleans, lists of them, and tables by string.
@@ -93,7 +93,7 @@ def _value(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        # JSON's escapes are TOML's, but for the one control character that JSON takes as it is.
+        # JSON's escapes are TOML's, except that JSON does not escape this one control character.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, list):
         return f"[{', '.join(map(_value, value))}]"

@@ -1,4 +1,4 @@
-"""Units: the metres and radians of one millimetre and one degree."""
+"""Units: one millimetre in metres and one degree in radians."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ DEG = math.pi / 180.0
 
 
 def json_number(value: float) -> float | None:
-    """The value for JSON, which has no NaN and no infinity.
+    """Return the value for JSON; None for NaN and infinity, which JSON lacks.
 
     Examples:
         >>> json_number(-0.0), json_number(25.4 * MM), json_number(math.nan)
         (0.0, 0.0254, None)
     """
-    # Adding 0 takes the sign off a zero.
+    # Adding 0 turns -0.0 into 0.0.
     return float(value) + 0.0 if math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Controllers: every letter, code and rule of a control is in a TOML table; the code knows none of them."""
+"""Controllers: every letter, code and rule of a control is in a TOML table, and none in the code."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ __all__ = ["Controller", "load", "names"]
 
 @cache
 def names() -> tuple[str, ...]:
-    """Names of the built-in controllers."""
+    """Return the names of the built-in controllers."""
     files = (entry.name for entry in resources.files(__name__).iterdir())
     return tuple(sorted(name.removesuffix(".toml") for name in files if name.endswith(".toml")))
 
 
 def load(name_or_path: str) -> Controller:
-    """Load a built-in controller by name, or a table of one's own by the path of its TOML file.
+    """Load a built-in controller by name, or a user's table by the path of its TOML file.
 
     Raises:
         ControllerRefused: there is no such table, or it has faults; all of them at once.
@@ -44,5 +44,5 @@ def load(name_or_path: str) -> Controller:
 
 @cache
 def _built_in(name: str) -> Controller:
-    """The built-in controller of that name; these tables stay as they are while a program runs."""
+    """Return a built-in controller, whose table does not change at run time."""
     return parse(resources.files(__name__).joinpath(f"{name}.toml").read_bytes(), f"{name}.toml")

@@ -1,4 +1,4 @@
-"""Parsing: a controller from the bytes of its table, or every fault of it with its line."""
+"""Parsing: a controller from the bytes of its table, or all faults of the table with their lines."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from tapelayer.toml_files import read_toml
 
 
 def parse(data: bytes, path: str) -> Controller:
-    """Controller from the bytes of its table; `path` names it, in messages and, without folder and ending, in programs.
+    """Return the controller in the bytes of a table; messages name it by `path`, programs by the stem of `path`.
 
     Raises:
-        ControllerRefused: not TOML, unknown keys (with the nearest known one), or values that cannot be; all at once.
+        ControllerRefused: not TOML, unknown keys (with the nearest known one), or impossible values; all at once.
     """
     table, text = read_toml(data, path, ControllerRefused)
     if "name" in table:
@@ -30,34 +30,34 @@ def parse(data: bytes, path: str) -> Controller:
     try:
         return Controller.model_validate({"name": Path(path).stem, **table})
     except ValidationError as error:
-        faults = {fault for found in error.errors() for fault in _worded(text, found)}
+        faults = {fault for detail in error.errors() for fault in _worded(text, detail)}
         raise ControllerRefused(path, sorted(faults, key=lambda fault: (fault.line, fault.sentence))) from None
 
 
-def _worded(text: str, found: ErrorDetails) -> list[InputFault]:
-    """What validation found, in sentences of one fault each."""
-    place = found["loc"]
+def _worded(text: str, detail: ErrorDetails) -> list[InputFault]:
+    """Return the faults of one validation error, in a sentence each."""
+    place = detail["loc"]
     if not place:
-        # The lint's own sentences begin with the place they speak of.
-        sentences = found["msg"].removeprefix("Value error, ").splitlines()
+        # The lint's own sentences begin with the place they refer to.
+        sentences = detail["msg"].removeprefix("Value error, ").splitlines()
         return [InputFault(_line(text, tuple(sentence.split(":")[0].split("."))), sentence) for sentence in sentences]
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
-    if found["type"] == "extra_forbidden" or place[-1] == "[key]":
+    if detail["type"] == "extra_forbidden" or place[-1] == "[key]":
         known = _known(place)
         key = str(place[-2] if place[-1] == "[key]" else place[-1])
         near = difflib.get_close_matches(key, known, 1, 0.4)
         sentence = f"unknown key {key}; " + (f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}")
-    elif found["type"] == "missing":
+    elif detail["type"] == "missing":
         sentence = f"{where} is missing"
     else:
-        message, shown = found["msg"], repr(found["input"])
+        message, shown = detail["msg"], repr(detail["input"])
         shown = shown if len(shown) <= 40 else shown[:37] + "..."
         sentence = f"{where}: {message[0].lower()}{message[1:]}, got {shown}"
     return [InputFault(_line(text, place), sentence)]
 
 
 def _known(place: tuple[int | str, ...]) -> list[str]:
-    """Keys that may stand where an unknown one was found."""
+    """Return the keys allowed in the place of an unknown one."""
     if place[-1] == "[key]":
         return (
             [event.name.lower() for event in Event if event]
@@ -73,7 +73,7 @@ def _known(place: tuple[int | str, ...]) -> list[str]:
 
 
 def _line(text: str, place: tuple[int | str, ...]) -> int:
-    """Line (from 1) of a key in the table's text, or of what it stands in; 0 where neither has one."""
+    """Return the line (from 1) of a key in the table's text, or of what contains it; 0 where neither has one."""
     parts = [str(part) for part in place if isinstance(part, str) and part != "[key]"]
     lines: dict[str, int] = {}
     section = ""

@@ -1,4 +1,4 @@
-"""Table: what a controller's TOML file may say, and what in it contradicts itself."""
+"""Table: the contents of a controller's TOML file, and the checks for contradictions."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ class _Table(BaseModel):
 
 
 class AxisWord(_Table):
-    """How a joint is written.
+    """The address and format of a joint.
 
     Attributes:
         address: the letter, or an extended address with its equals sign (`Q1=`).
-        joints: joints that may stand behind it; a machine has at most one of them.
-        unit: what the number means, mm or deg.
+        joints: joints that it may address; a machine has at most one of them.
+        unit: unit of the number, mm or deg.
         decimals: digits after the point.
-        word: the M word that takes the address, where the control does not interpolate it: it is written in the same
-            block, and a block that moves nothing else is this word, the address, and a dwell for the block's time.
-        alone: whether that word stands in a block of its own even where other axes are stated.
+        word: the M word that takes the address if the control does not interpolate the axis. It is written in the same
+            block; a block that moves nothing else becomes this word, the address, and a dwell for the block's time.
+        alone: whether that word needs a block of its own even where other axes are stated.
     """
 
     address: Address
@@ -66,12 +66,12 @@ class AxisWord(_Table):
 
 
 class Blocks(_Table):
-    """What a block looks like, and what stands around the blocks.
+    """The format of blocks, and the text around them.
 
     Attributes:
         number_step: step of the N words and the first of them; 0 writes none.
-        number_maximum: the largest N; after it they start again.
-        max_line: characters that the control takes in a line, without the line end.
+        number_maximum: the largest N, after which they start again.
+        max_line: most characters that the control takes in a line, without the line end.
         comment: how a comment begins: `(` up to `)`, `;` up to the line's end, or either; the first is written.
         first_line: a line before everything, without N; empty for none.
         last_line: a line after everything, without N; empty for none.
@@ -99,17 +99,17 @@ class Codes(_Table):
         linear: straight interpolation.
         clockwise: circular interpolation, clockwise seen against the plane's third axis.
         counterclockwise: circular interpolation, the other way round.
-        dwell: a pause.
+        dwell: pause.
         dwell_address: address of the pause in seconds.
         dwell_decimals: digits after its point; half a millisecond is an eighth of a millimetre of tape.
-        absolute: positions from now on.
-        incremental: increments from now on.
+        absolute: axis words are positions from here on.
+        incremental: axis words are increments from here on.
         per_minute: the feed word is a path speed per minute.
         inverse_time: the feed word is one over the block's minutes.
-        set_position: the axis words of the block become the present position; empty where no G word does that.
+        set_position: the axis words of the block become the current position; empty where no G word does that.
         planes: the plane of circular blocks.
-        no_effect: what is read and changes nothing that counts: G words, with an argument (`G64 P0.01`) or without,
-            letters of further words, and whole blocks that hold a sign which no word has.
+        no_effect: texts that are read and ignored: G words, with an argument (`G64 P0.01`) or without, letters of
+            further words, and whole blocks that hold a character which no word has.
     """
 
     rapid: GCode
@@ -128,22 +128,22 @@ class Codes(_Table):
     no_effect: Annotated[tuple[NoEffect, ...], Field(strict=False)] = ()
 
     def words(self) -> dict[str, str]:
-        """Every G word with what it is for."""
+        """Return every G word by its purpose."""
         others = {"no_effect", "planes", "dwell_address", "dwell_decimals"}
         words = {name: value for name, value in self.model_dump(exclude=others).items() if value}
         return words | {f"plane {plane}": code for plane, code in self.planes.items()}
 
 
 class Feed(_Table):
-    """What the feed word means.
+    """The meaning of the feed word.
 
     Attributes:
         address: its letter.
         mode: per minute along the path, or inverse time (1/min).
         path: groups of addresses, the first of which that moves in a block sets the path that F is along, as the
             square root of the summed squares in written units.
-        otherwise: where no group moves: F along the axis with the largest change in written units (ties: the first in
-            word order), or along the root of the summed squares of all axes.
+        otherwise: where no group moves: F is along the axis with the largest change in written units (ties: the first
+            in word order), or along the root of the summed squares of all axes.
         modal: whether a feed word holds until the next one.
         digits: least number of significant digits.
     """
@@ -160,10 +160,10 @@ class ArcRule(_Table):
     """Circular blocks.
 
     Attributes:
-        planes: planes in which the control interpolates circles while further axes move along; none: no arcs written.
+        planes: planes in which the control interpolates circles while further axes move along; none writes no arcs.
         offsets: addresses of the centre, along x, y, z from the block's beginning.
-        tolerance_mm: how far the ends of the straight blocks may lie off the arc that replaces them; as far, in its own
-            unit, may another axis be off its proportion.
+        tolerance_mm: largest distance of the ends of the straight blocks from the arc that replaces them, and of
+            another axis, in its own unit, from its proportion.
     """
 
     planes: Annotated[tuple[Plane, ...], Field(strict=False)]
@@ -177,7 +177,7 @@ class Controller(_Table):
     Attributes:
         name: name of the table: built-in, or the file's without its ending.
         title: one line for people.
-        axes: axis words in the order in which they stand in a block.
+        axes: axis words in their order in a block.
         max_word: largest magnitude of an axis word, in written units.
         u_reset: whether the tape's axis is set to zero at the start of each course.
         reserved: letters that mean something else to this control and cannot be axis addresses.
@@ -185,7 +185,7 @@ class Controller(_Table):
         codes: G words.
         feed: feed rule.
         events: words of the switching events that the control knows.
-        events_at_rest: words of those that need other ones where no motion follows at once.
+        events_at_rest: different words of those events, where no motion follows directly.
         levels: letters of the values that some events carry, such as the arc's current.
         arcs: circular blocks.
     """
@@ -218,7 +218,7 @@ class Controller(_Table):
         taken |= {"G": "begins a preparatory word", "M": "begins a switching word", "N": "numbers a block"}
         joints: set[str] = set()
         for axis in self.axes:
-            # An M word that takes the address says what its letter means.
+            # An M word that takes the address defines its letter.
             clash = taken.get(axis.address) or ("" if axis.word else reserved.get(axis.address, ""))
             if clash:
                 yield f"axes: address {axis.address} {clash}; give {axis.joints[0]} another"
@@ -286,30 +286,30 @@ class Controller(_Table):
                 yield f"{section}: {word} is not in codes or codes.no_effect, so no reader would know it"
 
     def addressed(self, joints: Sequence[str]) -> tuple[tuple[AxisWord, int], ...]:
-        """Axis words of a machine's joints in word order, each with the joint's index in `joints`.
+        """Return the axis words of a machine's joints in word order, each with the joint's index in `joints`.
 
         Raises:
             ControllerRefused: a joint has no address, or two share one.
         """
-        found = [(axis, index) for axis in self.axes for index in range(len(joints)) if joints[index] in axis.joints]
-        written = {index for _, index in found}
+        pairs = [(axis, index) for axis in self.axes for index in range(len(joints)) if joints[index] in axis.joints]
+        written = {index for _, index in pairs}
         faults = [
             InputFault(0, f"has no address for axis {joint}; use a controller that has, or add it to the table's axes")
             for index, joint in enumerate(joints)
             if index not in written
         ]
         for axis in self.axes:
-            sharing = [joints[index] for other, index in found if other is axis]
+            sharing = [joints[index] for other, index in pairs if other is axis]
             if len(sharing) > 1:
                 faults.append(
                     InputFault(0, f"axes {' and '.join(sharing)} share address {axis.address}; the machine has both")
                 )
         if faults:
             raise ControllerRefused(f"controller {self.name}", faults)
-        return tuple(found)
+        return tuple(pairs)
 
     def resolution(self, joint: str) -> float:
-        """Last written digit of a joint, in metres or radians.
+        """Return the last written digit of a joint, in metres or radians.
 
         Raises:
             ControllerRefused: the joint has no address.
@@ -318,12 +318,12 @@ class Controller(_Table):
         return (1e-3 if axis.unit == "mm" else math.pi / 180.0) * 10.0**-axis.decimals
 
     def event_words(self, at_rest: bool = False) -> dict[Event, str]:
-        """Words of each event that the control knows, with a motion after it or at rest."""
+        """Return the words of each event that the control knows, with a motion after it or at rest."""
         words = {**self.events, **self.events_at_rest} if at_rest else self.events
         return {Event[name.upper()]: word for name, word in words.items()}
 
 
 def code(words: str) -> tuple[str, float, str]:
-    """What makes two codes the same, however they are written: letter, number, and a second word if there is one."""
+    """Return letter, number and second word of a code, which are equal for equal codes however they are written."""
     first, _, second = words.partition(" ")
     return first[0], float(first[1:]), second

@@ -1,9 +1,9 @@
-"""Course files, the paper's Table 3: bytes to courses and back; nothing else knows the format.
+"""Course files, the paper's Table 3: bytes to courses and back; no other module knows the format.
 
 A file holds courses one after another. A course is its number, `start`, the cut angle (or one for the start and one for
-the end) in degrees, one line `x y z nx ny nz l` a point (mm in the part's frame, normal, arc length in mm), and `end`.
-What follows `#` on a line is a comment in any encoding that keeps ASCII; keywords may be in any case; a line ends
-with LF, CRLF or CR.
+the end) in degrees, a line `x y z nx ny nz l` per point (mm in the part's frame, normal, arc length in mm), and `end`.
+Text after `#` on a line is a comment in any encoding that keeps ASCII; keywords may be in any case; lines end with LF,
+CRLF or CR.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from tapelayer.courses.fault_finding import careful_table
 from tapelayer.courses.table import LONGEST_LINE, CourseTable, TableSteps, cut_angle, from_mm, unit_normals
 from tapelayer.errors import CourseFileRefused, InputFault
 
-_BATCH = 1 << 18  # bytes of numbers that are worked on at once: they stay in a core's cache
+_BATCH = 1 << 18  # bytes of numbers processed at once, so that they stay in a core's cache
 _MARKS = (b"\xef\xbb\xbf", b"\x84\x31\x95\x33")  # the byte order mark in UTF-8 and in GB18030
-# Older C libraries print what is no number as 1.#QNAN, -1.#IND or 1.#INF: there # is no comment.
+# Older C libraries print non-numbers as 1.#QNAN, -1.#IND or 1.#INF, where # begins no comment.
 _COMMENT = re.compile(rb"(?<![0-9]\.)#[^\r\n]*")
 _HEAD = re.compile(
     rb"[ \t\n]*([0-9]{1,9})[ \t]*\n[ \t\n]*start[ \t]*\n[ \t\n]*([-+.0-9e]+)(?:[ \t]+([-+.0-9e]+))?[ \t]*\n"
@@ -35,10 +35,10 @@ _CAPITALS = (b"S", b"T", b"A", b"R", b"E", b"N", b"D")
 
 
 def read_courses(path: Path | str) -> tuple[Course, ...]:
-    """Courses of a file, in file order: points and arc lengths in metres in the part's frame, unit normals.
+    """Read the courses of a file, in file order: points and arc lengths in metres in the part's frame, unit normals.
 
     Raises:
-        CourseFileRefused: the file cannot be read or is no course file; all faults at once.
+        CourseFileRefused: the file cannot be read or is not a course file; all faults at once.
     """
     name = str(path)
     try:
@@ -51,7 +51,7 @@ def read_courses(path: Path | str) -> tuple[Course, ...]:
 
 
 def parse_courses(data: bytes, name: str) -> tuple[Course, ...]:
-    r"""Courses from the bytes of a file, as `read_courses`.
+    r"""Return the courses in the bytes of a file, as `read_courses`.
 
     Args:
         data: the file's bytes.
@@ -75,7 +75,7 @@ def parse_courses(data: bytes, name: str) -> tuple[Course, ...]:
 
 
 def format_courses(courses: Iterable[Course]) -> bytes:
-    """Text of a course file; every double that a course file can give is read back as the same double.
+    """Return the text of a course file; every double that a course file can hold reads back as the same double.
 
     Examples:
         >>> points, normals = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
@@ -95,18 +95,18 @@ def format_courses(courses: Iterable[Course]) -> bytes:
         metres = np.column_stack([course.points, course.arc_lengths])
         mm = _as_written(metres, metres * 1000.0, from_mm)
         rows = np.column_stack([mm[:, :3], course.normals, mm[:, 3]])
-        # The text of a nested list has every number in its shortest exact form; only the brackets are in the way.
+        # The repr of a nested list has every number in its shortest exact form; only the brackets must go.
         points = repr(rows.tolist())[2:-2].replace("], [", "\n").replace(",", "")
         parts.append(f"{course.number}\nstart\n{angles}\n{points}\nend\n")
     return "".join(parts).encode("ascii")
 
 
 def write_courses(courses: Iterable[Course], path: Path | str) -> None:
-    """Write a course file whole or not at all.
+    """Write a course file completely or not at all.
 
     Raises:
         CourseFileRefused: the courses would make a file that `read_courses` refuses; nothing is written.
-        TargetNotWritable: the file cannot be written; whatever stood there is untouched.
+        TargetNotWritable: the file cannot be written; any earlier file is left as it was.
     """
     data = format_courses(courses)
     parse_courses(data, str(path))
@@ -125,14 +125,14 @@ def _courses(table: CourseTable) -> tuple[Course, ...]:
 
 
 def _as_written(values: Floats, estimate: Floats, read: Callable[[Floats], Floats]) -> Floats:
-    """Values in the file's unit that `read` turns into `values` exactly; where no double does, the estimate.
+    """Return values in the file's unit that `read` turns into `values` exactly; the estimate where no double does.
 
-    Of several, the one with few decimals is taken, so that a number typed by hand keeps its look.
+    Where several do, the one with fewest decimals is taken, so that a number typed by hand looks the same.
 
     Args:
         values: any shape, SI.
         estimate: the same in the file's unit, within two units in the last place.
-        read: what reading does to a number of the file.
+        read: the conversion that reading applies to a number of the file.
     """
     up, down = np.nextafter(estimate, np.inf), np.nextafter(estimate, -np.inf)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -144,7 +144,7 @@ def _as_written(values: Floats, estimate: Floats, read: Callable[[Floats], Float
 
 
 def _plain(data: bytes) -> bytes:
-    """The file without mark and comments, lines ended by LF; line numbers stay."""
+    """Return the file without mark and comments, lines ended by LF, line numbers unchanged."""
     for mark in _MARKS:
         data = data.removeprefix(mark)
     if b"#" in data:
@@ -155,17 +155,17 @@ def _plain(data: bytes) -> bytes:
 
 
 def quick_table(text: bytes) -> CourseTable:
-    r"""Table of a good file: keywords by search, all numbers by a few array operations a batch.
+    r"""Return the table of a good file, finding keywords by search and numbers by a few array operations per batch.
 
     Raises:
-        _NeedsCare: the file has a fault, or something that only the careful way can judge.
+        NeedsCare: the file has a fault, or something that only the careful reader can judge.
 
     Examples:
         >>> table = quick_table(b"1\nstart\n45\n0 0 0 0 0 1 0\n100 0 0 0 0 1 100\nend\n")
         >>> table.numbers, table.counts.tolist(), table.rows[1].tolist()
         ([1], [2], [100.0, 0.0, 0.0, 0.0, 0.0, 1.0, 100.0])
     """
-    # A letter is looked for sooner than a text is copied, or a word found in it.
+    # Searching for single capitals is cheaper than lower-casing the whole text.
     if any(letter in text for letter in _CAPITALS):
         text = text.lower()
     numbers: list[int] = []
@@ -202,17 +202,17 @@ def quick_table(text: bytes) -> CourseTable:
 
 
 def _add_batch(bodies: Sequence[bytes], counts: list[Ints], rows: list[Floats]) -> None:
-    """Add the counts (m,) and rows (n, 7) of the points of some courses.
+    """Append the counts (m,) and rows (n, 7) of the points of some courses.
 
     Raises:
-        _NeedsCare: a line is too long, has not seven columns, or has something that is no number.
+        NeedsCare: a line is too long, does not have seven columns, or has a word that is not a number.
     """
     text = b"".join(bodies)
     if text.translate(None, b"0123456789+-.e \t\n"):
         raise NeedsCare
     characters = np.frombuffer(text, np.uint8)
     blanks = np.flatnonzero(characters <= 32)
-    before = np.empty_like(blanks)  # the blank before each blank: a word stands between where they are not neighbours
+    before = np.empty_like(blanks)  # the blank before each blank: a word lies between them where they are not adjacent
     before[:1], before[1:] = -1, blanks[:-1]
     words = blanks - before > 1
     starts, stops = before[words] + 1, blanks[words]

@@ -1,4 +1,4 @@
-"""Fast numbers: all the numbers of a text by a few array operations."""
+"""Fast numbers: all numbers of a text in a few array operations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tapelayer.arrays import Floats, Ints, Mask
 
-_SHORT = 22  # characters of a word that is read as an integer over a power of ten
+_SHORT = 22  # most characters of a word that is read as an integer over a power of ten
 _POWERS_OF_TEN = 10.0 ** np.arange(_SHORT)  # a double holds them exactly
 _EXACT = 2**53  # a double holds the integers up to here exactly
 _LARGEST = 10**18  # a power of ten below the largest 64-bit integer
@@ -18,16 +18,16 @@ _SPLITTER = 2.0**27 + 1.0
 
 
 class NeedsCare(Exception):
-    """The quick way cannot tell that a file is good; the careful way decides."""
+    """The quick reader cannot tell that a file is good, so the careful one decides."""
 
 
 def values_of_words(text: bytes, starts: Ints, stops: Ints) -> Floats:
-    r"""Numbers (k,) of the words of a text from `starts` to before `stops` (k,).
+    r"""Return the numbers (k,) of the words of a text from `starts` to before `stops` (k,).
 
-    Words of up to 22 characters without exponent, nearly all, go the quick way.
+    Words of up to 22 characters without exponent, which are nearly all, are read by `short_values`.
 
     Raises:
-        _NeedsCare: a word is no number.
+        NeedsCare: a word is not a number.
 
     Examples:
         >>> values_of_words(b"1.5 -2e3\n", np.array([0, 4]), np.array([3, 8])).tolist()
@@ -39,7 +39,7 @@ def values_of_words(text: bytes, starts: Ints, stops: Ints) -> Floats:
         long[np.searchsorted(stops, np.flatnonzero(characters == ord("e")), side="right")] = True
     if not np.any(long):
         return short_values(text, starts, stops)
-    lengths = stops[long] + 1 - starts[long]  # with the blank behind, which keeps the words apart
+    lengths = stops[long] + 1 - starts[long]  # with the blank after it, which separates the words
     ends = np.cumsum(lengths)
     inside = np.arange(ends[-1]) + np.repeat(starts[long] - (ends - lengths), lengths)
     values = np.empty(len(starts))
@@ -51,13 +51,13 @@ def values_of_words(text: bytes, starts: Ints, stops: Ints) -> Floats:
 
 
 def short_values(text: bytes, starts: Ints, stops: Ints) -> Floats:
-    r"""Numbers (k,) of words of up to 22 characters without exponent: integers over powers of ten.
+    r"""Return the numbers (k,) of words of up to 22 characters without exponent, as integers over powers of ten.
 
-    Where a double holds the integer exactly, one division rounds as a careful reading of the text does (Clinger 1990,
-    the fast case), at a fraction of its cost.
+    Where a double holds the integer exactly, one division rounds like an exact reading of the text (Clinger 1990, the
+    fast case), at a fraction of its cost.
 
     Raises:
-        _NeedsCare: a word is no number.
+        NeedsCare: a word is not a number.
 
     Examples:
         >>> short_values(b"1.5 -20\n", np.array([0, 4]), np.array([3, 7])).tolist()
@@ -88,10 +88,10 @@ def short_values(text: bytes, starts: Ints, stops: Ints) -> Floats:
 
 
 def quotients(integers: Ints, divisors: Floats) -> tuple[Floats, Mask]:
-    """Correctly rounded quotients (k,) of integers beyond 2^53, and where (k,) they are certain to be.
+    """Return correctly rounded quotients (k,) of integers beyond 2^53, and where (k,) the rounding is certain.
 
-    The remainder of a first quotient is found with exact products (Dekker 1971) and divided again; that is certain
-    unless the quotient then lies too close to the middle between two doubles, or the integer is one of 19 digits.
+    The remainder of a first quotient is computed with exact products (Dekker 1971) and divided again. The rounding is
+    certain unless the quotient is too close to the midpoint of two doubles, or the integer has 19 digits.
 
     Examples:
         >>> values, certain = quotients(np.array([2**53 + 1]), np.array([10.0]))
@@ -118,17 +118,17 @@ def quotients(integers: Ints, divisors: Floats) -> tuple[Floats, Mask]:
 
 
 def scanned(text: bytes, kind: type[np.generic], count: int) -> NDArray[Any]:
-    r"""The `count` numbers of a text that ends with a line end or is empty.
+    r"""Return the `count` numbers of a text that ends with a line end or is empty.
 
     Raises:
-        _NeedsCare: there are not as many, or something is no number.
+        NeedsCare: there are more or fewer, or a word is not a number.
 
     Examples:
         >>> scanned(b"1 -2\n3\n", np.int64, 3).tolist()
         [1, -2, 3]
     """
     with warnings.catch_warnings():
-        # Depending on its version NumPy raises at a word that is no number, or warns and stops there; then the last
+        # At a word that is not a number NumPy raises or, depending on its version, warns and stops; then the last
         # number, the zero added here, is missing.
         warnings.simplefilter("ignore", DeprecationWarning)
         try:

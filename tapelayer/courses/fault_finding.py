@@ -1,4 +1,4 @@
-"""Fault finding: a course file line by line, to say what is wrong with it and where."""
+"""Fault finding: a course file read line by line, to state what is wrong with it and where."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _COURSE_NUMBER = re.compile(rb"(?=0*[1-9])[0-9]{1,9}")
 
 
 def careful_table(text: bytes, data: bytes, name: str) -> CourseTable:
-    r"""Table of any file, a line at a time.
+    r"""Return the table of any file, read one line at a time.
 
     Raises:
         CourseFileRefused: with every fault.
@@ -50,7 +50,7 @@ def careful_table(text: bytes, data: bytes, name: str) -> CourseTable:
 
 
 def _no_text(text: bytes, data: bytes) -> list[InputFault]:
-    """What keeps the file from being read by lines at all."""
+    """Return the faults that keep a file from being read by lines at all."""
     if not data:
         return [InputFault(0, "the file is empty; export the courses again")]
     sample = data[:256]
@@ -75,21 +75,21 @@ def _no_text(text: bytes, data: bytes) -> list[InputFault]:
 
 
 def _quote(text: bytes) -> str:
-    """The beginning of a text as a message shows it; what cannot be seen is escaped."""
+    """Return the beginning of a text for a message, with invisible characters escaped."""
     start = text[: 4 * _QUOTED]
     try:
-        shown = getincrementaldecoder("utf-8")().decode(start)  # which leaves out a character that the cut divides
+        shown = getincrementaldecoder("utf-8")().decode(start)  # which drops a character split by the cut
     except UnicodeDecodeError:
         shown = start.decode("gb18030", errors="replace")
     return repr(shown[:_QUOTED]) + ("..." if len(shown) > _QUOTED or len(text) > len(start) else "")
 
 
 class _Hopeless(Exception):
-    """The file has so many faults that more of them say nothing new."""
+    """The file has so many faults that more of them would add nothing."""
 
 
 class _Reader:
-    """Reads a file line by line, keeps every fault and goes on where the next course or point can be.
+    """Reads a file line by line, records every fault and resumes at the next possible course or point.
 
     Args:
         text: of the file, without comments.
@@ -127,7 +127,7 @@ class _Reader:
                 at = self._course(at)
 
     def table(self) -> CourseTable:
-        """What was read; rows that could not be read are NaN."""
+        """Return the table read so far; rows that could not be read are NaN."""
         rows = np.frombuffer(self.rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
         readable = ~np.any(~np.isfinite(rows), axis=1)
         return CourseTable(self.numbers, self.cut_angles, np.array(self.counts, dtype=np.int64), rows, readable)
@@ -156,7 +156,7 @@ class _Reader:
         return len(self.lines)
 
     def _course(self, at: int) -> int:
-        """Read one course from its number, or `start` where that is missing; returns where to go on."""
+        """Read one course from its number, or from `start` without one, and return the index of the next line."""
         self.counts.append(0)
         self.cut_angles.append((math.nan, math.nan))
         if self._is_number(at):
@@ -249,7 +249,7 @@ class _Reader:
 
 
 def _geometric_faults(table: CourseTable, reader: _Reader) -> list[InputFault]:
-    """Faults of rows that are numbers: zero normals, repeated points, arc lengths that do not fit the points."""
+    """Return the faults of readable rows: zero normals, repeated points, arc lengths that do not fit the points."""
     steps = TableSteps.of(table)
     courses, points = ramp(table.counts)
 

@@ -1,4 +1,4 @@
-"""Table: all courses of a file as rows, before they are courses."""
+"""Table: all courses of a file as rows, before they become courses."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import numpy as np
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.vectors import dot, norms
 
-# An arc length may differ from the chord by this share of the chord, and by this much more, in metres.
+# An arc length may differ from the chord by this share of the chord plus this slack in metres.
 CHORD_SHARE = 0.01
 CHORD_SLACK = 0.05e-3
-# Characters of a line without its comment; a point takes less than 200 however it is printed.
+# Most characters of a line without its comment; a point takes fewer than 200 however it is printed.
 LONGEST_LINE = 1000
 # Python's float() also takes underscores and the digits of other scripts; a course file's numbers are plain ASCII.
 NUMBER = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -30,7 +30,7 @@ class CourseTable:
         cut_angles: (m) pairs, radians.
         counts: (m,) points of each course.
         rows: (n, 7) points in mm, normals of any length, arc lengths in mm.
-        readable: (n,) the row has seven finite numbers; what else stands in another row means nothing.
+        readable: (n,) the row has seven finite numbers; the contents of other rows mean nothing.
     """
 
     numbers: Sequence[int]
@@ -55,10 +55,10 @@ class CourseTable:
 
 @dataclass(frozen=True, eq=False)
 class TableSteps:
-    """From each row of a table to the next.
+    """The steps from each row of a table to the next.
 
     Attributes:
-        inside: (n - 1,) both rows are of one course and could be read.
+        inside: (n - 1,) both rows belong to one course and could be read.
         chords: (n - 1,) metres.
         growths: (n - 1,) of the arc length, metres.
     """
@@ -69,7 +69,7 @@ class TableSteps:
 
     @classmethod
     def of(cls, table: CourseTable) -> TableSteps:
-        """Steps of a table.
+        """Return the steps of a table.
 
         Examples:
             >>> rows = np.array([[0, 0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 0, 1], [10, 0, 0, 0, 0, 1, 30]], dtype=float)
@@ -117,7 +117,7 @@ class TableSteps:
             [False, True]
         """
         with np.errstate(over="ignore", invalid="ignore"):
-            # A chord beyond all doubles allows no difference, rather than every one.
+            # An infinite chord must not allow every difference.
             allowed = np.minimum(CHORD_SHARE * self.chords + CHORD_SLACK, np.finfo(np.float64).max)
             return self.inside & ~(np.abs(self.growths - self.chords) <= allowed)
 
@@ -133,7 +133,7 @@ def from_mm(mm: Floats) -> Floats:
 
 
 def unit_normals(normals: Floats) -> Floats:
-    """Unit normals (n, 3); one that is a unit vector already, as far as rounding tells, stays as it is.
+    """Return unit normals (n, 3), leaving those that are unit vectors within rounding as they are.
 
     Examples:
         >>> unit_normals(np.array([[0.0, 0.0, 2.0], [3.0, 0.0, 4.0]])).tolist()
@@ -151,7 +151,7 @@ def unit_normals(normals: Floats) -> Floats:
 
 
 def cut_angle(word: bytes) -> float:
-    """Radians, NaN where the word is no angle between 0 and 180 degrees.
+    """Return an angle in radians; NaN where the word is not an angle between 0 and 180 degrees.
 
     Examples:
         >>> round(cut_angle(b"45"), 6), cut_angle(b"180")

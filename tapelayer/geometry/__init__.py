@@ -1,1 +1,1 @@
-"""Curves, paths and meshes: shapes in space, which know no machine and no time."""
+"""Curves, paths and meshes: shapes in space, independent of machines and time."""

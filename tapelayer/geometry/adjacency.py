@@ -14,16 +14,16 @@ BLOCK = 16384  # rows
 
 
 def blocks(count: int) -> Iterator[slice]:
-    """Consecutive rows, block by block; what is computed of one at a time stays in the cache."""
+    """Yield consecutive rows block by block, so that the working data of one block stays in the cache."""
     for begin in range(0, count, BLOCK):
         yield slice(begin, min(begin + BLOCK, count))
 
 
 def neighbours(facets: Ints, vertex_count: int) -> NDArray[np.int32]:
-    """Facet (m, 3) across the edge from each corner to the next, or -1 where there is none.
+    """Return the facet (m, 3) across the edge from each corner to the next, or -1 where there is none.
 
     Neighbours run along their edge in opposite directions. Where more than two facets meet, the last of one direction
-    and the first of the other in facet order are neighbours, then the next two outwards; what is left over has none.
+    and the first of the other in facet order are neighbours, then the next two outwards; the rest have none.
 
     Args:
         facets: (m, 3) vertex indices, no vertex twice in a facet.
@@ -42,11 +42,11 @@ def neighbours(facets: Ints, vertex_count: int) -> NDArray[np.int32]:
 
 
 def half_edges(facets: Ints, vertex_count: int) -> tuple[NDArray[np.int32], Mask, Mask]:
-    """Half-edges (h,) by edge, direction and facet; where the next edge begins (h + 1,); which run forward (h,).
+    """Return half-edges (h,) by edge, direction and facet, whether each starts an edge (h + 1,) or runs forward (h,).
 
-    Half-edge 3 f + c runs from corner c of facet f to the next; forward is from the lower vertex to the higher.
+    Half-edge 3 f + c runs from corner c of facet f to the next; forward means from the lower vertex to the higher.
     """
-    narrow = facets.astype(np.int32)  # half the memory to move; a mesh that does not fit would not fit anywhere
+    narrow = facets.astype(np.int32)  # half the memory to move; a larger mesh would not fit in memory anyway
     begin, end = narrow.ravel(), np.roll(narrow, -1, axis=1).ravel()
     low, high, forward = np.minimum(begin, end), np.maximum(begin, end), begin < end
     order = _counting_order(2 * high + ~forward, 2 * vertex_count)
@@ -58,7 +58,7 @@ def half_edges(facets: Ints, vertex_count: int) -> tuple[NDArray[np.int32], Mask
 
 
 def _counting_order(keys: NDArray[np.int32], key_count: int) -> NDArray[np.int32]:
-    """Stable order of integer keys by counting, which is what SciPy's row compression does: no comparison sort."""
+    """Return the stable order of integer keys by counting, as SciPy's row compression does, without comparisons."""
     entries = np.arange(len(keys), dtype=np.int32)
     table = coo_array((np.ones(len(keys), dtype=np.int8), (keys, entries)), shape=(key_count, len(keys)))
     order: NDArray[np.int32] = table.tocsr().indices
@@ -66,7 +66,7 @@ def _counting_order(keys: NDArray[np.int32], key_count: int) -> NDArray[np.int32
 
 
 def facet_spans(vertices: Floats, facets: Ints) -> Floats:
-    """Cross products (m, 3) of two edges of each facet: along its normal, twice its area long, in square metres."""
+    """Return the cross product (m, 3) of two edges of each facet: along its normal, twice its area long, in m^2."""
     a, b, c = (vertices[facets[:, corner]] for corner in range(3))
     spans: Floats = np.cross(b - a, c - a)
     return spans

@@ -1,4 +1,4 @@
-"""Curves: what runs smoothly through the samples of a toolpath."""
+"""Curves: smooth curves through the samples of a toolpath."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Curve:
         self._toolpath = toolpath
 
     def at_knots(self) -> tuple[Floats, Floats, Floats]:
-        """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at the toolpath's samples.
+        """Return points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at the toolpath's samples.
 
         Examples:
             >>> points, normals = np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
@@ -36,12 +36,12 @@ class Curve:
             >>> np.round(tangents, 6).tolist()
             [[0.6, 0.8, 0.0], [0.6, 0.8, 0.0]]
         """
-        # A piece of the spline has its slope at its begin as a coefficient.
+        # Each piece of the spline holds its initial slope as a coefficient.
         tangents = np.vstack([self._spline.c[2, :, :3], self._slope(self.knots[-1:])[:, :3]])
         return self._toolpath.points, self._toolpath.normals, unit(tangents)
 
     def at(self, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
-        """Points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at (n,) arc lengths in metres.
+        """Return points (n, 3) in metres, unit normals (n, 3) and unit tangents (n, 3) at (n,) arc lengths in metres.
 
         Examples:
             >>> points, normals = np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0]]), np.array([[0.0, 0.0, 1.0]] * 2)

@@ -1,4 +1,4 @@
-"""Envelope: what of a section, or of a part, is seen from above."""
+"""Envelope: the parts of a section or a surface that are visible from above."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from tapelayer.vectors import ramp
 
 @dataclass(frozen=True)
 class Areas:
-    """The surface of a mesh by what a gun above it can do; the three add up to the whole, in square metres.
+    """The area of a mesh by what a gun above it can reach; the three add up to the whole, in square metres.
 
     Attributes:
-        seen: what a vertical ray from above meets first.
+        seen: met first by a vertical ray from above.
         too_steep: too steep for a gun from above.
         hidden: below another part of the surface.
     """
@@ -29,10 +29,10 @@ class Areas:
 
 
 def upper_envelope(mesh: Mesh, sections: Sections, min_normal_z: float) -> Sections:
-    """What of sections with vertical planes is seen from above: curves along direction x z, one behind the other.
+    """Return the parts of vertical sections that are visible from above, as successive curves along direction x z.
 
-    What is steeper than `min_normal_z` hides what is below it and is itself left out. A curve ends where the next piece
-    does not begin on its last point: at an edge of the surface, at a step, at the border of something above.
+    Facets steeper than `min_normal_z` hide those below them and are themselves left out. A curve ends where the next
+    piece does not begin on its last point: at an edge of the surface, at a step, or below the border of a part above.
 
     Args:
         mesh: the surface.
@@ -86,12 +86,12 @@ def upper_envelope(mesh: Mesh, sections: Sections, min_normal_z: float) -> Secti
 
 
 def areas_from_above(mesh: Mesh, travel: float, spacing: float, min_normal_z: float) -> Areas:
-    """Area of a surface by what a gun above it can do: too steep exactly, seen against hidden by strips.
+    """Return the areas of a surface as a gun above it sees them: too steep exactly, seen and hidden by strips.
 
     Args:
         mesh: the surface.
         travel: direction of the strips, radians from +x towards +y.
-        spacing: width of the strips in metres; what is seen is exact within each strip's middle plane.
+        spacing: width of the strips in metres; the visible part is exact within each strip's middle plane.
         min_normal_z: least |nz| of a facet to be sprayed, above 0.
 
     Examples:
@@ -120,10 +120,10 @@ Pieces = NDArray[np.void]
 
 
 def _monotone_pieces(sections: Sections, along: Floats) -> Pieces:
-    """Segments as pieces from x0 to x1 > x0 along a level direction, layer by layer and from left to right.
+    """Return segments as pieces from x0 to x1 > x0 along a level direction, layer by layer and from left to right.
 
-    A layer is a stretch of a curve that runs one way, so that nothing in it is above anything else in it. Upright
-    segments cannot be seen from above.
+    A layer is part of a curve that runs in one direction only, so that no piece of it lies above another. Upright
+    segments are invisible from above.
     """
     x = sections.points[:, 0] * along[0] + sections.points[:, 1] * along[1]
     z = sections.points[:, 2]
@@ -132,7 +132,7 @@ def _monotone_pieces(sections: Sections, along: Floats) -> Pieces:
     forward = x[rows + 1] > x[rows]
     left, right = np.where(forward, rows, rows + 1), np.where(forward, rows + 1, rows)
     new = np.ones(len(rows), dtype=np.bool_)
-    # Curves are apart by the last row of each, which begins no segment.
+    # The last row of a curve, which begins no segment, separates it from the next.
     new[1:] = (np.diff(rows) != 1) | (forward[1:] != forward[:-1])
     layer = np.cumsum(new) - 1
     plane = np.repeat(sections.planes, np.diff(sections.offsets))[rows]
@@ -145,9 +145,9 @@ def _monotone_pieces(sections: Sections, along: Floats) -> Pieces:
 
 
 def _merged_layers(pieces: Pieces) -> Pieces:
-    """The upper envelope of each two layers of a plane, for all planes at once: half as many layers.
+    """Merge each two layers of a plane into their upper envelope, for all planes at once, halving the layers.
 
-    Between neighbouring ends of pieces, each of the two layers is one piece or nothing; where two cross, both are cut.
+    Between neighbouring ends of pieces, each of the two layers is one piece or empty; where two cross, both are cut.
     """
     layer = pieces["layer"] // 2
     group = np.cumsum(np.append([False], (np.diff(pieces["plane"]) != 0) | (np.diff(layer) != 0)))
@@ -183,7 +183,7 @@ def _merged_layers(pieces: Pieces) -> Pieces:
     upper = np.where(cut, lead < 0, lead + trail < 0).astype(np.int64)
 
     source = np.repeat(np.arange(len(used)), 1 + cut)
-    behind = np.append([False], source[1:] == source[:-1])  # the part behind the crossing
+    behind = np.append([False], source[1:] == source[:-1])  # the part after the crossing
     before = cut[source] & ~behind
     top = np.where(behind, 1 - upper[source], upper[source])
     piece = on[top, source]
@@ -199,7 +199,7 @@ def _merged_layers(pieces: Pieces) -> Pieces:
 
 
 def _altitudes(pieces: Pieces, x: Floats) -> Floats:
-    """Height z (k,) of each piece (k,) at x (k,), in metres; at its ends to the last bit."""
+    """Return the height z (k,) of each piece (k,) at x (k,), in metres; exact to the last bit at its ends."""
     share = (x - pieces["x0"]) / (pieces["x1"] - pieces["x0"])
     altitudes: Floats = (1.0 - share) * pieces["z0"] + share * pieces["z1"]
     return altitudes

@@ -1,4 +1,4 @@
-"""Mending: what is wrong with the facets of a file is put right and counted."""
+"""Mending: faulty facets of a file are repaired and counted."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.geometry.adjacency import blocks, facet_spans, half_edges, neighbours
 from tapelayer.vectors import dot
 
-RESOLUTION = 2.0**-23  # of an STL's single-precision numbers, relative to the largest of them
+RESOLUTION = 2.0**-23  # of an STL's single-precision numbers, relative to the largest one
 
 
 @dataclass(frozen=True)
 class Mending:
-    """What was mended in a mesh, and what was left as it is.
+    """The repairs to a mesh, and the faults left in it.
 
     Attributes:
         facets_read: facets in the file.
         bytes_ignored: bytes after the last facet of a binary file.
-        degenerate_facets: facets that were dropped because they have a corner twice, or are thinner than the file's
-            numbers resolve and had no neighbour to share the place with.
-        dissolved_facets: facets as thin that share their place with a neighbour by a swap of the edge between them.
-        duplicate_facets: facets with the corners of another one that were dropped.
-        flipped_facets: facets whose winding was turned to agree with their neighbours'.
+        degenerate_facets: facets dropped because they have a corner twice, or are thinner than the file's numbers
+            resolve and have no neighbour to swap an edge with.
+        dissolved_facets: facets as thin that were removed by swapping the edge they share with a neighbour.
+        duplicate_facets: facets dropped because another one has the same corners.
+        flipped_facets: facets whose winding was reversed to agree with their neighbours'.
         open_edges: edges of a single facet.
         nonmanifold_edges: edges of three facets or more.
         seam_edges: edges of two facets that no winding makes agree.
@@ -43,7 +43,7 @@ class Mending:
 
 
 def mended(triangles: Floats) -> tuple[Floats, Ints, Mending]:
-    """Vertices (n, 3) and facets (k, 3) of loose triangles, with what was mended.
+    """Return the vertices (n, 3) and facets (k, 3) of loose triangles, with the repairs made.
 
     Args:
         triangles: (m, 3, 3) finite corners in metres.
@@ -60,7 +60,7 @@ def mended(triangles: Floats) -> tuple[Floats, Ints, Mending]:
     facets, flipped = _wound(facets, len(vertices))
     facets, dissolved, thin = _without_thin(vertices, facets)
     if dissolved or thin:
-        # Other facets meet now.
+        # The swaps changed which facets meet.
         facets, doubled = _without_duplicates(facets, len(vertices))
         facets, turned = _wound(facets, len(vertices))
         duplicates, flipped = duplicates + doubled, flipped + turned
@@ -81,14 +81,14 @@ def mended(triangles: Floats) -> tuple[Floats, Ints, Mending]:
 
 
 def _edge_sizes(facets: Ints, vertex_count: int) -> tuple[Ints, Ints]:
-    """Facets at each edge (e,), and how many of them run forward (e,)."""
+    """Count the facets at each edge (e,), and those of them that run forward (e,)."""
     _, first, forward = half_edges(facets, vertex_count)
     begins = np.flatnonzero(first)
     return np.diff(begins), np.diff(np.concatenate([[0], np.cumsum(forward)])[begins])
 
 
 def _merged(corners: Floats) -> tuple[Floats, Ints]:
-    """Different corners (n, 3) in order of appearance, and facets (m, 3) of their indices."""
+    """Return the distinct corners (n, 3) in order of appearance, and facets (m, 3) of their indices."""
     order = np.lexsort(corners.T)
     ranked = corners[order]
     new = np.ones(len(order), dtype=np.bool_)
@@ -102,7 +102,7 @@ def _merged(corners: Floats) -> tuple[Floats, Ints]:
 
 
 def _without_duplicates(facets: Ints, vertex_count: int) -> tuple[Ints, int]:
-    """The first facet of each three vertices, and how many others there were."""
+    """Return the first facet on each three vertices, and the number of others dropped."""
     low, middle, high = np.sort(facets, axis=1).T
     pair = low * vertex_count + middle
     order = np.lexsort((high, pair))
@@ -112,10 +112,10 @@ def _without_duplicates(facets: Ints, vertex_count: int) -> tuple[Ints, int]:
 
 
 def _wound(facets: Ints, vertex_count: int) -> tuple[Ints, int]:
-    """Facets with a winding that agrees across the edges of two facets, and how many were turned: the fewest.
+    """Return facets whose winding agrees across edges of two facets, and the number reversed, as few as possible.
 
-    Each facet stands twice in a graph, as it is and turned, and agreeing ones are joined; a surface with two sides
-    falls into two mirrored parts, of which the one with more facets as they are is taken. One with one side stays.
+    A graph holds each facet twice, as it is and reversed, and joins those that agree. A two-sided surface splits into
+    two mirrored parts, of which the one with more facets as they are is kept. A one-sided surface stays as it is.
     """
     order, first, forward = half_edges(facets, vertex_count)
     two = np.flatnonzero(first[:-2] & ~first[1:-1] & first[2:])
@@ -135,7 +135,7 @@ def _wound(facets: Ints, vertex_count: int) -> tuple[Ints, int]:
 
 
 def _without_thin(vertices: Floats, facets: Ints) -> tuple[Ints, int, int]:
-    """Facets without thin ones, how many of these were dissolved, which leaves no crack, and how many dropped.
+    """Return facets without thin ones, the number of these dissolved, which leaves no crack, and the number dropped.
 
     A thin facet A B C has C on its longest edge A B; with the neighbour B A D it becomes C A D and D B C.
     """
@@ -144,7 +144,7 @@ def _without_thin(vertices: Floats, facets: Ints) -> tuple[Ints, int, int]:
     while np.any(thin):
         where = np.flatnonzero(thin)
         longest = np.argmax(_squared_sides(vertices, facets[where]), axis=0)
-        # Each facet takes part in one swap at a time.
+        # Each facet takes part in only one swap at a time.
         neighbour, chosen = np.unique(neighbours(facets, len(vertices))[where, longest], return_index=True)
         free = (neighbour >= 0) & ~thin[neighbour]
         neighbour, where, longest = neighbour[free], where[chosen][free], longest[chosen][free]
@@ -162,7 +162,7 @@ def _without_thin(vertices: Floats, facets: Ints) -> tuple[Ints, int, int]:
 
 
 def _thin(vertices: Floats, facets: Ints) -> Mask:
-    """Whether each facet (m,) is thinner than the file's numbers resolve, so that its normal is chance."""
+    """Return whether each facet (m,) is thinner than the file's numbers resolve, so that its normal is arbitrary."""
     least = RESOLUTION * np.max(np.abs(vertices))
     broad = np.empty(len(facets), dtype=np.bool_)
     for block in blocks(len(facets)):
@@ -173,6 +173,6 @@ def _thin(vertices: Floats, facets: Ints) -> Mask:
 
 
 def _squared_sides(vertices: Floats, facets: Ints) -> Floats:
-    """Squared lengths (3, m) of the edges from each corner to the next, in square metres."""
+    """Return the squared lengths (3, m) of the edges from each corner to the next, in square metres."""
     a, b, c = (vertices[facets[:, corner]] for corner in range(3))
     return np.stack([dot(edge, edge) for edge in (b - a, c - b, a - c)])

@@ -1,7 +1,7 @@
 """Mesh: a part's surface as facets.
 
-Corners that are equal to the last bit are one vertex. What a gun can spray depends on facet normals, so a facet without
-a sure normal does not stay in the mesh.
+Corners that are equal to the last bit are one vertex. Whether a gun can spray a facet depends on its normal, so
+a facet without a reliable normal is not kept.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Mesh(Frozen):
         name: base name of the file.
         sha256: SHA-256 of the file's bytes, hexadecimal.
         unit: unit of the file's numbers.
-        mending: what was mended.
+        mending: repairs made.
     """
 
     vertices: Floats

@@ -8,12 +8,12 @@ from tapelayer.arrays import Floats, Mask
 from tapelayer.geometry.mesh import Mesh
 from tapelayer.vectors import dot
 
-# Pairs of points and edges looked at at a time.
+# Pairs of points and edges evaluated at a time.
 _PAIRS = 1 << 21
 
 
 class PlanCoverage:
-    """A part from above: the edges that can bound what it covers, and its facets.
+    """A part seen from above: the edges that can bound the area it covers, and its facets.
 
     Args:
         mesh: the part.
@@ -27,15 +27,15 @@ class PlanCoverage:
         facets, corners = np.nonzero(folded)
         plan = mesh.vertices[:, :2]
         self._begins = plan[mesh.facets[facets, corners]]
-        self._ways = plan[mesh.facets[facets, (corners + 1) % 3]] - self._begins
+        self._edges = plan[mesh.facets[facets, (corners + 1) % 3]] - self._begins
         self._triangles = plan[mesh.facets]
 
     def distances(self, points: Floats, limit: float) -> Floats:
-        """Distance (n,) in metres of points (n, 2) from what the part covers; 0 over it, exact where above the limit.
+        """Return the distance (n,) in metres of points (n, 2) from the covered area; 0 inside, exact above the limit.
 
         Args:
             points: metres, in the mesh's frame.
-            limit: metres up to which a point is as good as over the part: its distance is that to the nearest edge.
+            limit: metres up to which a point counts as over the part: there the distance is that to the nearest edge.
 
         Examples:
             >>> from tapelayer.geometry.mending import Mending
@@ -53,10 +53,10 @@ class PlanCoverage:
 
     def _to_edges(self, points: Floats) -> Floats:
         away = points[:, None] - self._begins
-        squares = dot(self._ways, self._ways)
+        squares = dot(self._edges, self._edges)
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.nan_to_num(np.einsum("nij,ij->ni", away, self._ways) / squares)
-        off = away - np.clip(share, 0.0, 1.0)[..., None] * self._ways
+            share = np.nan_to_num(np.einsum("nij,ij->ni", away, self._edges) / squares)
+        off = away - np.clip(share, 0.0, 1.0)[..., None] * self._edges
         distances: Floats = np.sqrt(np.min(np.einsum("nij,nij->ni", off, off), axis=1, initial=np.inf))
         return distances
 
@@ -64,13 +64,13 @@ class PlanCoverage:
         sides = []
         for corner in range(3):
             begin, end = self._triangles[:, corner], self._triangles[:, (corner + 1) % 3]
-            way, away = end - begin, points[:, None] - begin
-            sides.append(way[:, 0] * away[..., 1] - way[:, 1] * away[..., 0])
+            edge, away = end - begin, points[:, None] - begin
+            sides.append(edge[:, 0] * away[..., 1] - edge[:, 1] * away[..., 0])
         covered: Mask = np.any((np.min(sides, axis=0) >= 0.0) | (np.max(sides, axis=0) <= 0.0), axis=1)
         return covered
 
 
 def _parts(points: Floats, others: int) -> list[Floats]:
-    """The points in parts, none with more pairs than fit."""
+    """Split the points into parts with no more than `_PAIRS` pairs each."""
     count = max(len(points) * others // _PAIRS + 1, 1)
     return np.array_split(points, min(count, max(len(points), 1)))

@@ -1,4 +1,4 @@
-"""Polylines: places along them, and points that they can do without."""
+"""Polylines: positions along them, and vertices that can be left out."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from tapelayer.arrays import Floats, Ints, Mask
 
 
 def along(path: Floats, places: Floats, points: Floats) -> tuple[Floats, Floats]:
-    """Arc length (n,) of the polyline's point nearest to each point (n, 3), and the distance (n,), all in metres.
+    """Return arc length (n,) of the polyline's point nearest to each point (n, 3), and distance (n,), in metres.
 
-    The first is looked for on the whole polyline, the others near the way travelled since.
+    The first is searched for on the whole polyline, the others near the distance travelled since.
 
     Examples:
         >>> path, places = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), np.array([0.0, 2.0])
@@ -28,12 +28,12 @@ def along(path: Floats, places: Floats, points: Floats) -> tuple[Floats, Floats]
 
 
 def _nearest(path: Floats, places: Floats, points: Floats, segments: Ints) -> tuple[Floats, Floats]:
-    """As `along`, on segments (n, k) of the polyline."""
-    begins, ways = path[segments], path[segments + 1] - path[segments]
+    """Return the same as `along`, restricted to segments (n, k) of the polyline."""
+    begins, steps = path[segments], path[segments + 1] - path[segments]
     away = points[:, None] - begins
-    squares = np.einsum("nij,nij->ni", ways, ways)
-    share = np.clip(np.einsum("nij,nij->ni", away, ways) / np.where(squares > 0, squares, 1.0), 0.0, 1.0)
-    distances = np.linalg.norm(away - share[..., None] * ways, axis=2)
+    squares = np.einsum("nij,nij->ni", steps, steps)
+    share = np.clip(np.einsum("nij,nij->ni", away, steps) / np.where(squares > 0, squares, 1.0), 0.0, 1.0)
+    distances = np.linalg.norm(away - share[..., None] * steps, axis=2)
     best = np.argmin(distances, axis=1)
     row = np.arange(len(points))
     chosen = segments[row, best]
@@ -41,21 +41,21 @@ def _nearest(path: Floats, places: Floats, points: Floats, segments: Ints) -> tu
     return arcs, distances[row, best]
 
 
-# A point is kept where the gun's direction would be off by more without it.
+# A vertex is kept where leaving it out would tilt the gun by more than this.
 NORMAL_TOLERANCE = math.radians(0.5)
 
 
 def kept(stations: Floats, points: Floats, normals: Floats, fixed: Mask, chord: float) -> Mask:
-    """Vertices (n,) that remain when those are left out whose place and direction the others give well enough.
+    """Return the vertices (n,) to keep when dropping those that the others interpolate well enough.
 
-    Where the path leaves out a vertex it passes within the chord tolerance of it, and the gun's direction within
+    The path passes every dropped vertex within the chord tolerance, with the gun's direction within
     `NORMAL_TOLERANCE` (Douglas and Peucker's choice of vertices).
 
     Args:
         stations: (n,) arc lengths of the vertices, metres, increasing.
         points: (n, 3) metres.
         normals: (n, 3) unit normals.
-        fixed: (n,) vertices that remain anyway.
+        fixed: (n,) vertices to keep in any case.
         chord: greatest distance, metres.
 
     Examples:
@@ -64,10 +64,10 @@ def kept(stations: Floats, points: Floats, normals: Floats, fixed: Mask, chord: 
         >>> kept(stations, points, normals, np.zeros(4, dtype=bool), chord=1e-3).tolist()
         [True, False, True, True]
     """
-    remain = fixed.copy()
-    remain[[0, -1]] = True
+    keep = fixed.copy()
+    keep[[0, -1]] = True
     scaled = np.hstack([points / chord, normals / NORMAL_TOLERANCE])
-    ends = np.flatnonzero(remain)
+    ends = np.flatnonzero(keep)
     open_ = list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
     while open_:
         first, last = open_.pop()
@@ -79,6 +79,6 @@ def kept(stations: Floats, points: Floats, normals: Floats, fixed: Mask, chord: 
         worst = int(np.argmax(errors))
         if errors[worst] > 1.0:
             middle = first + 1 + worst
-            remain[middle] = True
+            keep[middle] = True
             open_ += [(first, middle), (middle, last)]
-    return remain
+    return keep

@@ -1,8 +1,8 @@
-"""Slicing: planes cut a mesh into curves that know the facets they run on; what of them is seen from above.
+"""Slicing: planes cut a mesh into curves that record the facets they run on.
 
 A vertex on a plane counts as above it. So a facet and a plane give one segment or none, every segment enters through
-one edge and leaves through another, and the next segment is the neighbour's: no tolerance, and a closed mesh gives
-closed curves.
+one edge and leaves through another, and the next segment lies on the neighbour: this needs no tolerance, and a closed
+mesh gives closed curves.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class Sections(Frozen):
         direction: (3,) unit normal of the planes.
         heights: (p,) distance of each plane from the origin along `direction`, in metres, not decreasing.
         points: (n, 3) metres, in the frame of the mesh.
-        facets: (n,) facet on which the segment from each point to the next runs; at a curve's end, the one before. It
-            brings the normal: `mesh.normals`, or `mesh.upward_normals` for a gun from above.
+        facets: (n,) facet that carries the segment from each point to the next; at a curve's end, the one before. It
+            gives the normal: `mesh.normals`, or `mesh.upward_normals` for a gun above.
         offsets: (c + 1,) first row of each curve, and n.
         planes: (c,) index of the plane of each curve, not decreasing.
         closed: (c,) whether the curve is closed.
@@ -75,7 +75,7 @@ class Sections(Frozen):
 
 
 def plane_direction(travel: float) -> Floats:
-    """Unit normal (3,) of the vertical planes that contain a travel direction; exact at quarter turns.
+    """Return the unit normal (3,) of the vertical planes that contain a travel direction; exact at quarter turns.
 
     Args:
         travel: radians from +x towards +y, seen from above.
@@ -89,7 +89,7 @@ def plane_direction(travel: float) -> Floats:
 
 
 def plane_heights(mesh: Mesh, direction: Floats, pitch: float) -> Floats:
-    """Heights (p,) along a direction of the fewest planes a pitch apart that leave no more than half a pitch outside.
+    """Return heights (p,) of the fewest planes a pitch apart along a direction that leave at most half a pitch outside.
 
     Args:
         mesh: the surface.
@@ -111,9 +111,9 @@ def plane_heights(mesh: Mesh, direction: Floats, pitch: float) -> Floats:
 
 
 def slice(mesh: Mesh, direction: Floats, heights: Floats) -> Sections:
-    """Sections of a mesh with parallel planes; segments run along direction x facet normal.
+    """Cut a mesh with parallel planes into sections, whose segments run along direction x facet normal.
 
-    Segments of no length, where a plane touches a vertex, are left out.
+    Segments of zero length, where a plane touches a vertex, are left out.
 
     Args:
         mesh: the surface.
@@ -121,7 +121,7 @@ def slice(mesh: Mesh, direction: Floats, heights: Floats) -> Sections:
         heights: (p,) distance of each plane from the origin along `direction`, in metres, not decreasing.
 
     Raises:
-        ValueError: the direction has not length 1, or the heights are not in order.
+        ValueError: the direction does not have length 1, or the heights are not in order.
 
     Examples:
         >>> from tapelayer.geometry.mending import Mending
@@ -143,7 +143,7 @@ def slice(mesh: Mesh, direction: Floats, heights: Floats) -> Sections:
     points = np.empty((len(segments), 3))
     for axis, place in enumerate(places):
         points[:, axis] = place.take(segments)
-    # The end of a closed curve comes from the same edge as its first point, and is equal to the last bit.
+    # A closed curve's end is computed from the same edge as its first point, and is bit-equal to it.
     corners = mesh.facets[facets[last]]
     above = altitudes[corners] >= heights[planes[last], None]
     code = above @ np.array([1, 2, 4])
@@ -177,7 +177,7 @@ def slice(mesh: Mesh, direction: Floats, heights: Floats) -> Sections:
 
 
 def strip_widths(normals: Floats, direction: Floats, spacing: float) -> Floats:
-    """Width (k,) on the surface of the strip between planes, in metres; times a segment's length it is an area.
+    """Return the width (k,) on the surface of the strip between planes, in metres, by facet normal.
 
     Args:
         normals: (k, 3) unit normals, none along `direction`.
@@ -194,8 +194,8 @@ def strip_widths(normals: Floats, direction: Floats, spacing: float) -> Floats:
 
 
 def _segments(mesh: Mesh, altitudes: Floats, heights: Floats) -> tuple[Ints, Ints, Ints, Floats]:
-    """Facet, plane and following segment (-1: none) of each segment (s,), by facet, and its first point (3, s)."""
-    level = np.searchsorted(heights, altitudes, side="right")  # planes that a vertex is above or on
+    """Return facet, plane and following segment (-1: none) of each segment (s,), by facet, and first points (3, s)."""
+    level = np.searchsorted(heights, altitudes, side="right")  # number of planes at or below each vertex
     lowest, counts = np.empty(len(mesh.facets), dtype=np.int64), np.empty(len(mesh.facets), dtype=np.int64)
     for block in blocks(len(counts)):
         a, b, c = level.take(mesh.facets[block].T)
@@ -229,10 +229,10 @@ def _segments(mesh: Mesh, altitudes: Floats, heights: Floats) -> tuple[Ints, Int
 
 
 def _chained(following: Ints, planes: Ints) -> tuple[Ints, Ints, Mask]:
-    """Segment (n,) that begins each row, first row (c + 1,) of each curve, and whether each is closed (c,).
+    """Return the segment (n,) of each row, the first row (c + 1,) of each curve, and whether each is closed (c,).
 
-    Curves are in order of plane, then of their first segment. Each has one row more than segments, which has its last
-    segment again.
+    Curves are in order of plane, then of their first segment. Each has one more row than segments, which repeats its
+    last segment.
 
     Args:
         following: (s,) the segment after each, or -1.
@@ -272,17 +272,17 @@ def _chained(following: Ints, planes: Ints) -> tuple[Ints, Ints, Mask]:
 
 
 def _runs(following: Ints) -> tuple[Ints, Ints, Ints, Ints, Ints, Ints]:
-    """Runs of segments: first one, length, the one after or -1 (r,); and run, segment and place in the run of all (s,).
+    """Return each run's (r,) first segment, length and successor or -1, and run, segment and place in it of all (s,).
 
-    A run begins at the head of a curve and at one segment in 32, and all are followed at once.
+    A run begins at the head of a curve and at one segment in 32, and all runs are followed at once.
     """
     count = len(following)
     is_head = np.ones(count, dtype=np.bool_)
     is_head[following[following >= 0]] = False
-    # Multiplicative hashing (Knuth, TAOCP 6.4) scatters the beginnings, so that no regular numbering makes a run long.
+    # Multiplicative hashing (Knuth, TAOCP 6.4) scatters the beginnings, so no regular numbering makes a run long.
     scattered = np.arange(count, dtype=np.uint32) * np.uint32(2654435761) < np.uint32(2**27)
     begins = np.flatnonzero(is_head | scattered)
-    is_over = np.zeros(count + 1, dtype=np.bool_)  # the last for -1
+    is_over = np.zeros(count + 1, dtype=np.bool_)  # the last entry is for -1
     is_over[begins], is_over[-1] = True, True
     lengths, stops = np.empty(len(begins), dtype=np.int64), np.empty(len(begins), dtype=np.int64)
     is_left = np.ones(count, dtype=np.bool_)
@@ -296,7 +296,7 @@ def _runs(following: Ints) -> tuple[Ints, Ints, Ints, Ints, Ints, Ints]:
         lengths[run.take(ended)], stops[run.take(ended)] = len(trail), segment.take(ended)
         trail.append((run.take(going), segment.take(going)))
         steps.append(len(steps))
-    # Short closed curves in which no run begins: each segment is a run.
+    # In short closed curves in which no run begins, each segment is a run.
     left = np.flatnonzero(is_left)
     trail.append((len(begins) + np.arange(len(left)), left))
     steps.append(0)
@@ -311,7 +311,7 @@ def _runs(following: Ints) -> tuple[Ints, Ints, Ints, Ints, Ints, Ints]:
 
 
 def _crossings(vertices: Floats, altitudes: Floats, heights: Floats, below: Ints, above: Ints) -> Floats:
-    """Coordinates (3, k) in metres where edges cross planes; a vertex that lies on its plane is met to the last bit.
+    """Return the coordinates (3, k) in metres where edges cross planes; a vertex on its plane is met to the last bit.
 
     Args:
         vertices: (3, n) coordinates of the vertices in metres.
@@ -330,7 +330,7 @@ def _crossings(vertices: Floats, altitudes: Floats, heights: Floats, below: Ints
 
 
 def _moving(points: Floats, offsets: Ints) -> Mask:
-    """Rows (n,) that begin a segment with a length, and the last row of curves that have one."""
+    """Return the rows (n,) that begin a segment of non-zero length, and the last row of curves that have one."""
     moving = np.zeros(len(points), dtype=np.bool_)
     for coordinate in points.T:
         moving[:-1] |= coordinate[1:] != coordinate[:-1]

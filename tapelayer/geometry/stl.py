@@ -1,4 +1,4 @@
-"""STL files, binary and ASCII: bytes to meshes; nothing else knows the format."""
+"""STL files, binary and ASCII: bytes to meshes; no other module knows the format."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tapelayer.geometry.mending import mended
 from tapelayer.geometry.mesh import Mesh, Unit
 
 METRES: dict[Unit, float] = {"mm": 1e-3, "m": 1.0, "in": 0.0254}
-LARGEST_SIDE = 1000.0  # metres; beyond it, it is a damaged file or a wrong unit and no part
+LARGEST_SIDE = 1000.0  # metres; anything larger is a damaged file or a wrong unit
 
 HEADER_BYTES = 80
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -29,12 +29,12 @@ NAME_LINE = re.compile(rb"^[ \t]*(?:end)?solid\b[^\r\n]*", re.MULTILINE)
 
 
 def read_mesh(path: Path, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
-    """Mesh from a binary or ASCII STL file, mended.
+    """Read a mended mesh from a binary or ASCII STL file.
 
     Args:
         path: the file.
         unit: unit of its numbers; STL does not state one.
-        spot: diameter of the spot in metres: a part smaller than it is taken for one in another unit.
+        spot: diameter of the spot in metres: a smaller part must be in another unit.
 
     Raises:
         MeshRefused: the file is missing, or as `parse_mesh`.
@@ -47,17 +47,17 @@ def read_mesh(path: Path, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
 
 
 def parse_mesh(data: bytes, name: str, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
-    r"""Mesh from the bytes of a binary or ASCII STL file, mended.
+    r"""Return a mended mesh from the bytes of a binary or ASCII STL file.
 
     Args:
         data: the file's bytes.
         name: the file as the user named it, for messages.
         unit: unit of its numbers; STL does not state one.
-        spot: diameter of the spot in metres: a part smaller than it is taken for one in another unit.
+        spot: diameter of the spot in metres: a smaller part must be in another unit.
 
     Raises:
-        MeshRefused: the file is empty, cut short or no STL, has corners that are no finite numbers, or nothing is left
-            of it to work on.
+        MeshRefused: the file is empty, cut short or not STL, has corners that are not finite numbers, or has no facet
+            left after mending.
 
     Examples:
         >>> corners = "vertex 0 0 0 vertex 1000 0 0 vertex 0 1000 0"
@@ -99,7 +99,7 @@ def parse_mesh(data: bytes, name: str, unit: Unit = "mm", spot: float = 0.0) -> 
 
 
 def _triangles(name: str, data: bytes) -> tuple[Floats, int]:
-    """Corners (m, 3, 3) in the file's unit, and how many bytes follow the last facet of a binary file."""
+    """Return the corners (m, 3, 3) in the file's unit, and the number of bytes after a binary file's last facet."""
     if not data:
         raise _refused(name, "the file is empty")
     count = int.from_bytes(data[HEADER_BYTES : HEADER_BYTES + 4], "little")
@@ -122,7 +122,7 @@ def _triangles(name: str, data: bytes) -> tuple[Floats, int]:
 
 
 def _ascii_triangles(name: str, data: bytes) -> Floats:
-    """Corners (m, 3, 3) in the file's unit."""
+    """Return the corners (m, 3, 3) in the file's unit."""
     text = data.lower()
     if not text.lstrip().startswith(b"solid"):
         begin = data.strip()[:40].partition(b"\n")[0].decode("ascii", "replace")
@@ -147,7 +147,7 @@ def _ascii_triangles(name: str, data: bytes) -> Floats:
 
 
 def _ascii_fault(text: bytes) -> InputFault:
-    """The first word of an ASCII STL's facets that is out of place."""
+    """Return the fault of the first word out of place in an ASCII STL's facets."""
     for position, word in enumerate(re.finditer(rb"\S+", text)):
         column = position % len(FACET_WORDS)
         expected, got = FACET_WORDS[column], word.group()

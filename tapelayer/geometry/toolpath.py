@@ -1,4 +1,4 @@
-"""Toolpath: where the tool's contact goes, as samples over arc length; it knows no time."""
+"""Toolpath: the path of the tool's contact point as samples over arc length, without time."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Toolpath(Frozen):
     """One course or pass.
 
     Attributes:
-        number: the number it carries in its file.
-        points: (n, 3) contact points in metres, in the frame the toolpath is given in.
+        number: its number in the file.
+        points: (n, 3) contact points in metres, in the frame of the toolpath.
         normals: (n, 3) unit normals out of the surface.
         arc_lengths: (n,) metres, increasing.
     """
@@ -41,13 +41,13 @@ class Toolpath(Frozen):
 def to_machine(
     toolpath: Toolpath, rotation: tuple[float, float, float], origin: tuple[float, float, float], thickness: float
 ) -> Toolpath:
-    """Toolpath in `machine` axes, lifted by the plies already laid.
+    """Return the toolpath in `machine` axes, lifted by the plies already laid.
 
     Args:
         toolpath: in the part's frame.
         rotation: turns of the part about the fixed axes x, y, z in that order, radians.
         origin: of the part's frame in `machine`, metres: (l1, l2, -l3) of the paper's 1.4.
-        thickness: every point moves to p + thickness n, and the arc length is measured again there, metres.
+        thickness: every point moves to p + thickness n, where the arc length is measured again, metres.
 
     Examples:
         >>> points, normals = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]] * 2)
@@ -67,7 +67,7 @@ def to_machine(
 
 
 def _arc_lengths(parameters: Floats, points: Floats) -> Floats:
-    """Arc length (n,) at the parameters (n,) of the not-a-knot spline through the points (n, 3), by 5-point Gauss."""
+    """Return arc lengths (n,) at parameters (n,) of the not-a-knot spline through points (n, 3), by 5-point Gauss."""
     slope = CubicSpline(parameters, points, bc_type="not-a-knot").derivative()
     nodes, weights = np.polynomial.legendre.leggauss(5)
     half = np.diff(parameters) / 2

@@ -1,4 +1,4 @@
-"""Job: a source, a setup, a machine and a control become a program that was read back and judged."""
+"""Job: turns a source, a setup, a machine and a control into a program that is read back and judged."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ Evidence = TypeVar("Evidence", bound=Findings)
 
 @dataclass(frozen=True, eq=False)
 class JobResult(ABC, Generic[Evidence]):
-    """What became of a job: a program, and what was measured when it was judged.
+    """The result of a job: a program, and the measurements made when judging it.
 
     Attributes:
-        trajectory: as read back from the text; as planned where the plan failed already.
-        evidence: what verification measured on it.
-        text: bytes of the program; none where the plan failed.
-        remarks: what is to be said beside the verdict.
+        trajectory: as read back from the text; as planned where already the plan failed.
+        evidence: verification's measurements on it.
+        text: bytes of the program; empty where the plan failed.
+        remarks: sentences to print beside the verdict.
     """
 
     trajectory: Trajectory
@@ -62,26 +62,26 @@ class JobResult(ABC, Generic[Evidence]):
 
     @abstractmethod
     def page(self, title: str) -> str:
-        """Return the report as one HTML page with plots, called as the program is."""
+        """Return the report as one HTML page with plots, titled with the program's name."""
 
     def notes(self) -> tuple[str, ...]:
-        """Return sentences to be said beside the table of the report."""
+        """Return sentences to print beside the report's table."""
         return ()
 
     def files(self) -> Mapping[str, bytes]:
-        """Return what else was made, by file name."""
+        """Return the contents of further files, by file name."""
         return {}
 
 
 @dataclass(frozen=True, eq=False)
 class MachineJob(ABC, Generic[Plan, Evidence]):
-    """What goes into a program.
+    """The inputs of a program.
 
     Attributes:
         setup: the job's values.
         machine: with the setup's limits already in it.
         controller: the control's table.
-        provenance: what the program's header says of its sources.
+        provenance: the program's sources, for its header.
     """
 
     setup: JobSetup
@@ -89,7 +89,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
     controller: Controller
     provenance: Provenance
 
-    # What the source is called.
+    # Name of this kind of source.
     SOURCE: ClassVar[str]
 
     @property
@@ -100,7 +100,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
     @property
     @abstractmethod
     def parts(self) -> int:
-        """How many courses or passes there are."""
+        """Number of courses or passes."""
 
     @abstractmethod
     def planned(self, steps: Steps) -> tuple[Plan, Trajectory]:
@@ -112,7 +112,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
 
     @abstractmethod
     def basis(self, steps: Steps) -> Plan:
-        """Return what a program is judged by, where it is another's.
+        """Return the plan by which to judge a program that was read from text.
 
         Raises:
             TapelayerError: the job cannot be done on this machine.
@@ -132,18 +132,18 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         remarks: tuple[str, ...],
         steps: Steps,
     ) -> JobResult[Evidence]:
-        """Return what became of the job."""
+        """Return the result of the job."""
 
     def levels(self) -> Mapping[Event, float]:
-        """Return the values that are written beside switching words."""
+        """Return the values to write beside switching words."""
         return {}
 
     def make(self, name: str, steps: Steps = UNSEEN) -> JobResult[Evidence]:
-        """Plan, write, read back and judge a program; `JobResult.failure` says whether it may be used.
+        """Plan, write, read back and judge a program; `JobResult.failure` is None if it may be used.
 
         Args:
             name: of the program, for messages.
-            steps: who is told what is under way.
+            steps: receiver of progress.
 
         Raises:
             TapelayerError: the job cannot be done on this machine.
@@ -155,19 +155,19 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         if evidence.passed:
             steps.begin(WRITING.name)
             text = self.text(Verified(trajectory, evidence))
-            # A long program's plan is not kept beside what is read back.
+            # Free a long program's plan before reading the text back.
             del trajectory, evidence
             trajectory, evidence = self._judged_text(judge, self._read(text, name, steps), text, steps)
         return self.result(plan, trajectory, evidence, text, (), steps)
 
     def judge(self, text: bytes, name: str, force: bool = False, steps: Steps = UNSEEN) -> JobResult[Evidence]:
-        """Judge a program by its text, also one that was edited by hand.
+        """Judge a program by its text, even one that was edited by hand.
 
         Args:
             text: bytes of the program.
             name: the program as the user named it.
-            force: judge it although its header names another setup.
-            steps: who is told what is under way.
+            force: judge it even if its header names another setup.
+            steps: receiver of progress.
 
         Raises:
             ProgramRefused: the text cannot be read.
@@ -182,10 +182,10 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         return self.result(plan, trajectory, evidence, text, remarks, steps)
 
     def plan(self, tick: Tick = silent) -> Verified[Evidence]:
-        """Return the planned trajectory, verified before there is any text; `tick` is called for every part.
+        """Return the planned trajectory, verified before any text is written; `tick` is called for every part.
 
         Raises:
-            TapelayerError: the job cannot be done on this machine, or what was planned failed verification.
+            TapelayerError: the job cannot be done on this machine, or the plan failed verification.
         """
         plan, trajectory = self.planned(_Ticks(tick))
         return self.inspector(plan).verify(trajectory, tick=tick)
@@ -195,7 +195,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         return program.write(planned, self.controller, self.provenance, self.levels())
 
     def read_back(self, text: bytes, name: str) -> reader.Program:
-        """Return what an NC text says.
+        """Return the program in an NC text.
 
         Raises:
             ProgramRefused: the text cannot be read.
@@ -204,10 +204,10 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         return reader.read(text, self.controller, self.axes, limits, name)
 
     def verify(self, trajectory: Trajectory, tick: Tick = silent) -> Verified[Evidence]:
-        """Return a trajectory that was read back from NC text as a verified one.
+        """Verify a trajectory that was read back from NC text.
 
         Raises:
-            VerificationFailed: the text does not do what the source asks.
+            VerificationFailed: the text does not meet the source's requirements.
         """
         return self.inspector(self.basis(UNSEEN)).verify(trajectory, self.resolution, tick)
 
@@ -229,17 +229,17 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
 
 
 class _Ticks:
-    """Steps of which only the ticks are heard."""
+    """Steps that pass on only the ticks."""
 
     def __init__(self, tick: Tick) -> None:
         self.tick = tick
 
     def begin(self, step: str, ticks: int | None = None) -> None:
-        """Say nothing."""
+        """Report nothing."""
 
 
 def machine_of(setup: JobSetup, urdf: Path) -> Machine:
-    """Return the setup's machine: its URDF, or the one that comes along, with the setup's travel and speeds.
+    """Return the setup's machine: its URDF, or the built-in one given, with the setup's travel and speeds.
 
     Raises:
         ModelRefused: the URDF cannot be used, or an axis in the setup is not the machine's.

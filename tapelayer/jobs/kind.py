@@ -1,4 +1,4 @@
-"""Kind: everything that the command line and the server have to know of a kind of machine and its jobs."""
+"""Kind: everything that the command line and the server need to know about a kind of machine and its jobs."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ class Option(NamedTuple):
 
 @dataclass(frozen=True)
 class BuiltIn:
-    """A machine that comes along.
+    """A built-in machine.
 
     Attributes:
-        name: short.
+        name: short name.
         title: one line for people.
         urdf: its file.
-        frame: the frame that the inverse brings to a pose.
-        axes: the axes that take a pose.
-        vectors: the unit vectors of a pose, by the column of the frame that each is.
-        inverse: solves poses: of a machine, places (n, 3) in metres and unit vectors (n, 3) each, axis values
+        frame: the frame that the inverse moves to a pose.
+        axes: the axes that the inverse solves for.
+        vectors: names of the unit vectors of a pose, with the frame's column of each.
+        inverse: solves poses: from a machine, points (n, 3) in metres and unit vectors (n, 3) each to axis values
             (2, n, 5) in metres and radians, NaN where there are none.
     """
 
@@ -54,13 +54,13 @@ class BuiltIn:
 
 @dataclass(frozen=True)
 class Source:
-    """What a kind's programs are made from.
+    """The source of a kind's programs.
 
     Attributes:
-        name: what one is called.
-        plural: what many are called.
+        name: its name in the singular.
+        plural: its name in the plural.
         media_type: of its bytes.
-        fields: what a request may say of it, beside the file.
+        fields: what a request may specify about it, besides the file.
     """
 
     name: str
@@ -70,14 +70,14 @@ class Source:
 
 
 class ReadsJobs(Protocol):
-    """Makes jobs of the bytes of a source."""
+    """Makes jobs from the bytes of a source."""
 
     def __call__(self, data: bytes, name: str, setup: Any, unit: Any = "mm") -> MachineJob[Any, Any]:
-        """Return the job of the bytes of a source, which messages call by its name."""
+        """Return the job of the bytes of a source, with its name for messages."""
 
 
 class ReadsFiles(Protocol):
-    """Makes jobs of the file of a source."""
+    """Makes jobs from the file of a source."""
 
     def __call__(self, path: Path | str, setup: Any, unit: Any = "mm") -> MachineJob[Any, Any]:
         """Return the job of a source's file."""
@@ -90,7 +90,7 @@ class SceneTable:
     Attributes:
         columns: k names, with their units.
         rows: (n, k), in these units.
-        extra: what else a reader has to know.
+        extra: further values that a reader needs.
     """
 
     columns: tuple[str, ...]
@@ -100,7 +100,7 @@ class SceneTable:
 
 @dataclass(frozen=True)
 class Scene:
-    """What a page draws of a judged program, beside its path.
+    """The contents of a page's drawing of a judged program, besides its path.
 
     Attributes:
         numbers: of the courses or passes, by their index.
@@ -115,23 +115,23 @@ class Scene:
 
 @dataclass(frozen=True)
 class JobKind:
-    """A kind of machine, and what its jobs are.
+    """A kind of machine, and the parts of its jobs.
 
     Attributes:
-        name: short.
+        name: short name.
         title: of its setup.
-        machine: the machine that comes along.
-        source: what a program is made from.
-        parts: what a program is made of: the report's key of their number.
+        machine: the built-in machine.
+        source: the source of a program.
+        parts: the report's key for the number of courses or passes.
         setup: model of its setup.
-        options: of the command line, that set values of the setup.
-        job: makes jobs of bytes.
-        read: makes jobs of files.
+        options: command-line options that set values of the setup.
+        job: makes jobs from bytes.
+        read: makes jobs from files.
         rows: of its report.
         limits: of a setup.
         making: stages of making a program.
         judging: stages of judging one.
-        scene: what a page draws of a result and, where there is one, the mould.
+        scene: makes the page's drawing from a result and the mould, if any.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Kinds: the registry of the kinds of machine; everything else asks here, and compares no names."""
+"""Kinds: the registry of the kinds of machine, so that no other code compares their names."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NAMES: tuple[KindName, ...] = get_args(KindName)
 
 
 class _Entry(NamedTuple):
-    """Where a kind is described, and the suffix of its sources, where they have one of their own."""
+    """The module that describes a kind, and the suffix of its sources, if they have their own."""
 
     module: str
     suffix: str

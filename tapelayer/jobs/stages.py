@@ -1,4 +1,4 @@
-"""Stages: what a job does one after the other, declared once with what it is called."""
+"""Stages: the successive steps of a job with their names, declared once."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ class Stage:
     """A part of a job's work.
 
     Attributes:
-        name: as progress names it.
-        words: what it is called on a page.
+        name: its name in progress reports.
+        words: its name on a page.
     """
 
     name: str
@@ -30,5 +30,5 @@ VERIFYING = Stage("verifying", Words("Verifying the program", "校验程序"))
 COATING = Stage("measuring the coat", Words("Measuring the coat", "计算涂层厚度"))
 SAVING = Stage("saving", Words("Saving", "保存"))
 
-# The stages of a job in their order, with about the time that each takes of it.
+# The stages of a job in order, with their approximate shares of its time.
 Weights = dict[Stage, float]

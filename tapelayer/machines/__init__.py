@@ -1,1 +1,1 @@
-"""The machines: their models, and the closed forms of their inverse kinematics."""
+"""Machines: their models, and their closed-form inverse kinematics."""

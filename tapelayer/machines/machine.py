@@ -21,10 +21,10 @@ from urdf import TAPELAYER
 # One number for all rows, or (n,) one for each.
 Entry = float | Floats
 
-# Rows evaluated at a time: the columns of a chunk stay in the cache.
+# Rows evaluated at a time, so that the columns of a chunk stay in the cache.
 CHUNK = 1 << 14
 
-# rpy angles such as pi/2 leave entries of a few 1e-16 where 0 or 1 is meant; folding needs the 0 or 1.
+# rpy angles such as pi/2 leave rounding of a few 1e-16 in entries of 0 and 1; folding needs the exact values.
 _ROUNDING = 1e-15
 
 _MOVING = ("revolute", "continuous", "prismatic")
@@ -50,7 +50,7 @@ class Axis:
 
 
 class Columns(NamedTuple):
-    """Poses as separate entries, constants as floats; several entries may be one array, so do not write to them.
+    """Poses as separate entries, constants as floats; entries may share one array, so do not write to them.
 
     Attributes:
         rotation: rows of the rotation matrix; its columns are the frame's x, y, z in root axes.
@@ -120,7 +120,7 @@ class Machine:
         return tuple(axis.name for axis in self.axes)
 
     def axis(self, name: str) -> Axis:
-        """The axis of that name.
+        """Return the axis of a name.
 
         Raises:
             ModelRefused: there is none.
@@ -132,7 +132,7 @@ class Machine:
         return self.axes[self.column(name)]
 
     def column(self, name: str) -> int:
-        """Column of an axis in q.
+        """Return the column of an axis in q.
 
         Raises:
             ModelRefused: there is no such axis.
@@ -146,10 +146,10 @@ class Machine:
         return self.names.index(name)
 
     def with_limits(self, travel: Mapping[str, tuple[float, float]], speeds: Mapping[str, float]) -> Machine:
-        """The same machine with other travel (lower, upper; metres, radians) and speeds (m/s, rad/s) by axis name.
+        """Return this machine with other travel (lower, upper; metres, radians) and speeds (m/s, rad/s) by axis name.
 
         Raises:
-            ModelRefused: an axis the machine has not, travel that does not go upwards, or a speed that is not positive.
+            ModelRefused: the machine has no such axis, lower is not below upper, or a speed is not positive.
 
         Examples:
             >>> machine = Machine.load().with_limits({"x": (0.0, 2.5)}, {"c": 0.5})
@@ -168,7 +168,7 @@ class Machine:
         return replace(self, axes=tuple(axes))
 
     def forward(self, q: Floats, frame: str) -> Floats:
-        """Poses (n, 4, 4) of a frame in the root link's axes, translations in metres.
+        """Return poses (n, 4, 4) of a frame in the root link's axes, translations in metres.
 
         Args:
             q: (n, k) axis values in metres and radians, columns as `axes`.
@@ -187,7 +187,7 @@ class Machine:
         return self.forward_all(q, (frame,))[frame]
 
     def forward_all(self, q: Floats, frames: Sequence[str]) -> dict[str, Floats]:
-        """Poses (n, 4, 4) of several frames by name, the chain walked once; arguments and errors as `forward`.
+        """Return poses (n, 4, 4) of several frames by name, walking the chain once; arguments and errors as `forward`.
 
         Examples:
             >>> machine = Machine.load()
@@ -205,19 +205,19 @@ class Machine:
         return poses
 
     def columns(self, q: Floats, frame: str) -> Columns:
-        """Poses of a frame as separate entries, for callers that need few of them; q is best no longer than `CHUNK`.
+        """Return poses of a frame as separate entries, for callers that need few; q is best no longer than `CHUNK`.
 
         Arguments and errors as `forward`.
         """
         return self._walk(self._checked(q), {frame: self._frame(frame)})[frame]
 
     def forward_pinocchio(self, q: Floats, frame: str) -> Floats:
-        """Poses (n, 4, 4) as `forward`, each by Pinocchio itself: slow, and what `forward` is judged by."""
+        """Return poses (n, 4, 4) as `forward`, each by Pinocchio itself: slow, and the reference for `forward`."""
         configurations = self.configurations(q)
         self._frame(frame)
         index = _frame_index(self.model, frame)
         data = self.model.createData()
-        # oMf[index] is a live view: taken once, copied after each call.
+        # oMf[index] is a live view: take it once and copy it after each call.
         live = data.oMf[index]
         poses = np.empty((len(configurations), 4, 4))
         for row, configuration in enumerate(configurations):
@@ -227,7 +227,7 @@ class Machine:
         return poses
 
     def configurations(self, q: Floats) -> Floats:
-        """Pinocchio's configurations (n, nq) of the (n, k) axis values; a continuous joint becomes cosine and sine.
+        """Return Pinocchio's configurations (n, nq) of (n, k) axis values; a continuous joint becomes cosine and sine.
 
         Raises:
             ConfigurationRefused: q has another shape, or a value that is not finite.
@@ -252,7 +252,7 @@ class Machine:
             )
         with np.errstate(invalid="ignore", over="ignore"):
             total = np.sum(values)
-        # The sum is finite wherever every value is, short of overflow; only then is it worth looking at each.
+        # The sum is finite if every value is, short of overflow; only otherwise are the values checked one by one.
         if not np.isfinite(total):
             rows, columns = np.nonzero(~np.isfinite(values))
             if len(rows):
@@ -275,16 +275,16 @@ class Machine:
         return {name: _compose(poses[end.joint], end.placement) for name, end in ends.items()}
 
     def _ancestors(self, joints: Iterable[int]) -> set[int]:
-        found: set[int] = set()
+        ancestors: set[int] = set()
         for joint in joints:
-            while joint and joint not in found:
-                found.add(joint)
+            while joint and joint not in ancestors:
+                ancestors.add(joint)
                 joint = self._joints[joint].parent
-        return found
+        return ancestors
 
 
 def _driven_joints(path: Path) -> dict[str, str]:
-    """Types of the driven joints by name, in the file's order (Pinocchio sorts siblings by name)."""
+    """Return the types of the driven joints by name, in the file's order (Pinocchio sorts siblings by name)."""
     try:
         root = ElementTree.fromstring(path.read_bytes())
     except OSError as error:
@@ -384,7 +384,7 @@ def _joints(path: Path, model: pinocchio.Model, column_of: Mapping[int, int]) ->
 def _frames(model: pinocchio.Model) -> dict[str, _Frame]:
     frames = {}
     for frame in model.frames:
-        # A link and a joint may share a name: the link is meant.
+        # Where a link and a joint share a name, the link is meant.
         if frame.name not in frames or frame.type == pinocchio.FrameType.BODY:
             placement = frame.placement
             frames[frame.name] = _Frame(int(frame.parentJoint), _constant(placement.rotation, placement.translation))
@@ -397,7 +397,7 @@ def _frame_index(model: pinocchio.Model, name: str) -> int:
 
 
 def _snapped(values: Floats) -> list[float]:
-    """Entries, row by row, of values of any shape."""
+    """Return the entries of values of any shape, row by row, rounded where they are close to an integer."""
     entries: list[float] = values.ravel().tolist()
     return [float(round(entry)) if abs(entry - round(entry)) <= _ROUNDING else entry for entry in entries]
 
@@ -408,17 +408,17 @@ def _constant(rotation: Floats, translation: Floats) -> Columns:
 
 
 def _rows(entries: Sequence[Entry]) -> tuple[tuple[Entry, Entry, Entry], ...]:
-    """Rows of a rotation matrix of its nine entries."""
+    """Return the rows of a rotation matrix from its nine entries."""
     return tuple((entries[i], entries[i + 1], entries[i + 2]) for i in (0, 3, 6))
 
 
-# A rotation that is none is this very object, so that it can be known.
+# The identity is always this very object, so that `is` recognises it.
 _UNTURNED = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _STILL = Columns(_UNTURNED, (0.0, 0.0, 0.0))
 
 
 def _moved(joint: _Joint, column: Floats) -> Columns:
-    """The joint's placement in its parent for (n,) values of its axis."""
+    """Return the joint's placement in its parent for (n,) values of its axis."""
     value: Entry = _sum(_product(joint.scaling, column), joint.offset)
     rotation, origin = joint.still
     if not joint.revolute:
@@ -432,9 +432,9 @@ def _moved(joint: _Joint, column: Floats) -> Columns:
 
 
 def cosine_and_sine(angles: Floats) -> tuple[Floats, Floats]:
-    """Cosines and sines of angles of any shape in radians, within 4e-16.
+    """Return cosines and sines of angles of any shape in radians, within 4e-16.
 
-    They are made from one tangent, which NumPy vectorises best.
+    Both come from one tangent, the function that NumPy vectorises best.
 
     Examples:
         >>> cosines, sines = cosine_and_sine(np.radians([0.0, 60.0, 90.0]))
@@ -447,7 +447,7 @@ def cosine_and_sine(angles: Floats) -> tuple[Floats, Floats]:
 
 
 def _compose(parent: Columns, child: Columns) -> Columns:
-    # Unrolled over the entries, not the samples: zeros and ones fold away before any array is touched.
+    # Unrolled over entries, not samples, so that zeros and ones fold away before any array is touched.
     if parent.rotation is _UNTURNED:
         return Columns(child.rotation, tuple(map(_sum, parent.translation, child.translation)))
     moved = tuple(

@@ -1,11 +1,11 @@
-"""Wrist of the spray robot: closed-form inverse, and the theta path that follows a pass with the fewest splits.
+"""Wrist of the spray robot: closed-form inverse, and how far theta may turn while the gun is near enough to a normal.
 
 The remote-centre wrist turns the gun about P, so its two axes serve the gun's direction alone (the 2004 paper, 2.1):
 
     gun axis = (sin phi cos theta, sin phi sin theta, cos phi), out of the surface
 
-Following a normal exactly would make theta whirl near the pole phi = 0 and run out of its travel elsewhere. The process
-lets the gun lean off the normal, and `follow` spends that: first on the fewest splits, then on little turning.
+Following a normal exactly would make theta spin near the pole phi = 0 and run out of its travel elsewhere. The process
+lets the gun lean off the normal, which leaves theta the ranges computed here.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Wrist:
-    """What the gun's direction may do.
+    """The axes and limits that govern the gun's direction.
 
     Attributes:
         theta: the axis about the vertical.
@@ -40,7 +40,7 @@ class Wrist:
     max_deviation: float
 
     def __post_init__(self) -> None:
-        """Refuse a theta without ends, and what no gun does.
+        """Refuse a theta without ends, and limits that no gun has.
 
         Raises:
             ModelRefused: theta turns without end.
@@ -55,7 +55,7 @@ class Wrist:
 
     @property
     def tilts(self) -> tuple[float, float]:
-        """Travel of phi as far as it serves normals that point upwards, radians.
+        """The part of phi's travel that serves normals pointing upwards, radians.
 
         Examples:
             >>> wrist = Wrist(Axis("theta", True, 0.0, 2 * np.pi, 1.0), Axis("phi", True, 0.0, 2.0, 1.0), 0.3, 0.1)
@@ -66,10 +66,10 @@ class Wrist:
 
 
 def inverse(normals: Floats) -> Floats:
-    """Both (theta, phi) of each normal, (2, n, 2) radians, NaN where a normal does not point upwards.
+    """Return both (theta, phi) of each normal, (2, n, 2) radians, NaN where a normal does not point upwards.
 
     Branch 0 has theta in [0, 2 pi) and phi in [0, pi / 2); branch 1 is (theta + pi, -phi). Branch 0 equals the paper's
-    eqs. (1) to (4) where they are defined. On the pole, where any theta serves, theta is 0.
+    eqs. (1) to (4) where they are defined. At the pole, where any theta will do, theta is 0.
 
     Args:
         normals: (n, 3) unit normals out of the surface, in `machine`.
@@ -89,7 +89,7 @@ def inverse(normals: Floats) -> Floats:
 
 
 def gun_axes(theta: Floats, phi: Floats) -> Floats:
-    """Unit direction (..., 3) of the gun from P to the nozzle, in `machine`, for angles in radians of any one shape.
+    """Return the unit direction (..., 3) of the gun from P to the nozzle, in `machine`, for angles in radians.
 
     Examples:
         >>> np.round(gun_axes(np.radians([90.0]), np.radians([30.0])), 6).tolist()
@@ -101,7 +101,7 @@ def gun_axes(theta: Floats, phi: Floats) -> Floats:
 
 
 def angles_between(first: Floats, second: Floats) -> Floats:
-    """Angles (...) in radians between unit vectors (..., 3), exact for small ones as well.
+    """Return angles (...) in radians between unit vectors (..., 3), accurate for small ones as well.
 
     Examples:
         >>> np.round(np.degrees(angles_between(np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]]))), 6).tolist()
@@ -113,7 +113,7 @@ def angles_between(first: Floats, second: Floats) -> Floats:
 
 
 def reachable(wrist: Wrist, normals: Floats, leans: Floats) -> Mask:
-    """Whether some theta and phi in travel bring the gun near enough to each normal, (n,).
+    """Return whether some theta and phi in travel bring the gun near enough to each normal, (n,).
 
     Args:
         wrist: travel and limits.
@@ -137,9 +137,9 @@ def reachable(wrist: Wrist, normals: Floats, leans: Floats) -> Mask:
 
 
 def turns(wrist: Wrist, normals: Floats, leans: Floats) -> tuple[Floats, Floats, Floats]:
-    """Theta (n,) of each normal, and how far (n,) theta may be off it with phi > 0, and off its opposite with phi < 0.
+    """Return each normal's theta (n,), and how far theta may turn off it with phi > 0, off its opposite with phi < 0.
 
-    A normal that no phi comes near enough to has -1 there.
+    The turn is -1 where no phi comes near enough to the normal.
 
     Examples:
         >>> wrist = Wrist(Axis("theta", True, 0.0, 2 * np.pi, 1.0), Axis("phi", True, 0.0, 2.0, 1.0), 0.3, 0.1)
@@ -155,11 +155,11 @@ def turns(wrist: Wrist, normals: Floats, leans: Floats) -> tuple[Floats, Floats,
 
 
 def widest_turn(slant: Floats, leans: Floats, lower: float, upper: float) -> Floats:
-    """Furthest theta (n,) off a normal's own at which a phi in [lower, upper] >= 0 is near enough; -1: nowhere.
+    """Return the largest turn (n,) off a normal's theta at which a phi in [lower, upper] >= 0 is near enough; or -1.
 
     The gun is near enough where sin(slant) sin(phi) cos(turn) + cos(slant) cos(phi) >= cos(lean). Of all phi the one
     with cos(phi) = cos(slant) / cos(lean) permits the widest turn, sin(turn) = sin(lean) / sin(slant): there the
-    meridian touches the cap. Beside it the turn narrows, so travel that excludes it gives its nearer end.
+    meridian touches the cap. Away from it the turn narrows, so where travel excludes that phi, its nearer end is best.
 
     Args:
         slant: (n,) angle of the normals to the vertical, radians.

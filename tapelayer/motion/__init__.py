@@ -1,1 +1,1 @@
-"""Motion: blocks, switching words, and the time that they take."""
+"""Motion: blocks and switching words, and the time they take."""

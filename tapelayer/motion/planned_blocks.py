@@ -1,4 +1,4 @@
-"""Planned blocks: rows of a program while it is planned, in tables that are joined once at its end."""
+"""Planned blocks: rows of a program during planning, in tables that are joined once at the end."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tapelayer.motion.trajectory import Event, Kind, Trajectory
 
 @dataclass(frozen=True, eq=False)
 class PlannedBlocks(SampleTable):
-    """Blocks in execution order, ready to stand in a trajectory.
+    """Blocks in execution order, ready for a trajectory.
 
     Attributes:
         joints: (n, k) joint values at each block's end, metres and radians.
@@ -38,13 +38,13 @@ class PlannedBlocks(SampleTable):
         return len(self.kinds)
 
     def stating(self, block: int, axes: int) -> Self:
-        """Return the same blocks, of which one states the axes of these bits."""
+        """Return the same blocks, with one of them stating the axes of these bits."""
         stated = self.stated.copy()
         stated[block] = axes
         return replace(self, stated=stated)
 
     def trajectory(self, axes: tuple[str, ...], courses: Ints) -> Trajectory:
-        """Return the trajectory of these blocks, before which nothing has stated an axis.
+        """Return the trajectory of these blocks, with every axis unstated at its start.
 
         Args:
             axes: names of the k joints.
@@ -64,7 +64,7 @@ class PlannedBlocks(SampleTable):
 
 
 def rapid_blocks(begin: Floats, nodes: Floats, limits: Limits) -> PlannedBlocks:
-    """Return rapids from joint values (k,), NaN where they are not known, through nodes (m, k)."""
+    """Return rapids from joint values (k,), NaN where unknown, through nodes (m, k)."""
     return _motions(nodes, Kind.RAPID, rapids(np.diff(nodes, axis=0, prepend=begin[None]), limits))
 
 
@@ -84,7 +84,7 @@ def switch_block(joints: Floats, event: Event) -> PlannedBlocks:
 
 
 def _motions(nodes: Floats, kind: Kind, durations: Floats) -> PlannedBlocks:
-    """Blocks of one kind that end at nodes (m, k) and take (m,) seconds."""
+    """Return blocks of one kind that end at nodes (m, k) and take (m,) seconds."""
     count = len(nodes)
     return PlannedBlocks(
         joints=nodes,

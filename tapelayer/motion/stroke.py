@@ -1,4 +1,4 @@
-"""Stroke: what the head does in one go, as nodes joined by straight joint blocks, with words that fall at times."""
+"""Stroke: an uninterrupted motion of the head, as nodes joined by straight joint blocks, and timed switching words."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Ints, frozen
+from tapelayer.arrays import Floats, Frozen, Ints
 from tapelayer.motion.planned_blocks import PlannedBlocks
 from tapelayer.motion.time_law import Limits, feeds
 from tapelayer.motion.trajectory import Event, Kind
 
-# Two times no farther apart, in seconds, are one block boundary: shorter blocks have no exact speed.
+# Times no farther apart than this, in seconds, share a block boundary: shorter blocks have no exact speed.
 SAME_TIME = 1e-7
 
 
@@ -20,8 +20,8 @@ class Word(NamedTuple):
     """A switching word.
 
     Attributes:
-        node: at which its event takes effect.
-        delay: seconds by which it stands before that.
+        node: where its event takes effect.
+        delay: seconds by which the word precedes the effect.
         event: what it switches.
     """
 
@@ -31,14 +31,14 @@ class Word(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Stroke:
-    """Nodes joined by straight joint blocks, and the words that are said on the way.
+class Stroke(Frozen):
+    """Nodes joined by straight joint blocks, and the switching words between them.
 
     Attributes:
         joints: (m, k) joint values at the nodes; the first is where the stroke begins.
-        least: (m,) seconds that the way to each node takes at least, 0 for the first.
+        least: (m,) least seconds for the motion to each node, 0 for the first.
         arcs: (m,) metres along the course at the nodes.
-        words: in their nominal order at a node.
+        words: switching words, in their nominal order at a node.
     """
 
     joints: Floats
@@ -46,14 +46,9 @@ class Stroke:
     arcs: Floats
     words: tuple[Word, ...] = ()
 
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("joints", "least", "arcs"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
-
     @staticmethod
     def begun(joints: Floats) -> Stroke:
-        """Return a stroke that begins at joint values (k,) and has gone nowhere yet."""
+        """Return a stroke that begins at joint values (k,) and has not moved yet."""
         return Stroke(joints[None], np.zeros(1), np.zeros(1))
 
     def __len__(self) -> int:
@@ -67,7 +62,7 @@ class Stroke:
         return end
 
     def then(self, other: Stroke) -> Stroke:
-        """Return this stroke and, from its last node on, another that begins there."""
+        """Return this stroke followed by another, which begins at its last node."""
         shift = len(self) - 1
         return Stroke(
             joints=np.concatenate([self.joints, other.joints[1:]]),
@@ -85,14 +80,14 @@ class Stroke:
         return replace(self, words=(*self.words, Word(len(self) - 1 if node is None else node, delay, event)))
 
     def times(self, limits: Limits) -> Floats:
-        """Seconds (m,) at the nodes, no axis beyond its limits and no way shorter than its least time."""
+        """Return the seconds (m,) at the nodes, with no axis beyond its limits and no motion under its least time."""
         return np.append(0.0, np.cumsum(feeds(np.diff(self.joints, axis=0), limits, self.least[1:])))
 
 
 def stroke_blocks(stroke: Stroke, times: Floats) -> PlannedBlocks:
-    """Return the blocks after a stroke's first node, every word on a block boundary of its own.
+    """Return the blocks after a stroke's first node, with a block boundary at every word.
 
-    A word that has to stand before the stroke begins makes the head wait there.
+    A word that must precede the stroke's beginning makes the head wait there.
 
     Args:
         stroke: the stroke.
@@ -101,7 +96,7 @@ def stroke_blocks(stroke: Stroke, times: Floats) -> PlannedBlocks:
     nodes = np.column_stack([stroke.joints, stroke.arcs])
     words = sorted(stroke.words, key=lambda word: word.node)
     at = np.array([times[node] - delay for node, delay, _ in words])
-    # Nodes that no time lies between are one: words of both stand there. So are words that fall together.
+    # Nodes at the same time are merged, with the words of both; so are words at the same time.
     kept = np.append(np.diff(times) > SAME_TIME, True)
     start, times, nodes = nodes[:1], times[kept], nodes[kept]
     nodes[:1] = start
@@ -117,10 +112,10 @@ def stroke_blocks(stroke: Stroke, times: Floats) -> PlannedBlocks:
         share = (new - times[after - 1]) / (times[after] - times[after - 1])
         between = nodes[after - 1] + share[:, None] * (nodes[after] - nodes[after - 1])
         times, nodes = np.insert(times, after, new), np.insert(nodes, after, between, axis=0)
-    # Every block by the node that ends it, every word behind the block that ends where it falls; stable sorts keep
-    # the nominal order of words that fall together.
-    spoken = np.argsort(at, kind="stable")
-    ends = np.concatenate([np.arange(1, len(times)), np.searchsorted(times, at[spoken])])
+    # Blocks are ordered by the node that ends them, and every word follows the block that ends at its time; stable
+    # sorts keep the nominal order of words at the same time.
+    by_time = np.argsort(at, kind="stable")
+    ends = np.concatenate([np.arange(1, len(times)), np.searchsorted(times, at[by_time])])
     order = np.argsort(ends, kind="stable")
     blocks = nodes[ends[order]]
     still = np.all(nodes[1:, :-1] == nodes[:-1, :-1], axis=1)
@@ -129,14 +124,14 @@ def stroke_blocks(stroke: Stroke, times: Floats) -> PlannedBlocks:
         joints=blocks[:, :-1],
         kinds=np.append(np.where(still, Kind.DWELL, Kind.LINEAR), switches).astype(np.uint8)[order],
         durations=np.append(np.diff(times), np.zeros(len(words)))[order],
-        events=np.append(np.zeros(len(still), np.uint8), [words[i].event for i in spoken]).astype(np.uint8)[order],
+        events=np.append(np.zeros(len(still), np.uint8), [words[i].event for i in by_time]).astype(np.uint8)[order],
         stated=np.zeros(len(blocks), np.uint16),
         arcs=blocks[:, -1],
     )
 
 
 def _nearest(times: Floats, at: Floats) -> Ints:
-    """Index (w,) of the time nearest to each of (w,) times."""
+    """Return the index (w,) of the time nearest to each of (w,) times."""
     after = np.clip(np.searchsorted(times, at), 1, max(len(times) - 1, 1)) if len(times) > 1 else np.zeros(len(at), int)
     before = np.maximum(after - 1, 0)
     return np.where(np.abs(times[before] - at) <= np.abs(times[after] - at), before, after)

@@ -1,4 +1,4 @@
-"""Trajectory: blocks of joint motion with their times and switching words; what a program says, before it is text."""
+"""Trajectory: blocks of joint motion with their times and switching words, as a program before it is text."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tapelayer.arrays import Floats, Ints, frozen
+from tapelayer.arrays import Floats, Frozen, Ints, frozen
+from tapelayer.vectors import dot
 
 
 class Kind(IntEnum):
-    """What a block does."""
+    """The kind of motion or action of a block."""
 
     RAPID = 0
     LINEAR = 1
@@ -24,7 +25,7 @@ class Kind(IntEnum):
 
 
 class Event(IntEnum):
-    """What a switching block switches; a controller table gives each its word."""
+    """The event of a switching block; a controller table gives each its word."""
 
     NONE = 0
     SHOE_DOWN = 1
@@ -55,9 +56,9 @@ class Arcs:
     Attributes:
         axes: (m, 2) columns of the plane's axes in the positions.
         centres: (m, 2) joint values along these axes, in metres.
-        radii: (2, m) metres, at the begin and at the end.
-        angles: (m,) radians of the begin, from the first axis to the second.
-        sweeps: (m,) radians turned from there to the end, less than a full turn or one.
+        radii: (2, m) metres, at the beginning and at the end.
+        angles: (m,) of the beginning, radians from the first axis towards the second.
+        sweeps: (m,) radians turned from there to the end, at most a full turn.
     """
 
     axes: Ints
@@ -68,7 +69,7 @@ class Arcs:
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Frozen):
     """Blocks in execution order; row i is block i.
 
     Attributes:
@@ -82,7 +83,7 @@ class Trajectory:
         stated: (n,) bit i is set where axis i is written even if it does not change.
         centres: (n, 3) centre of each circular block in joint coordinates x, y, z (metres), NaN elsewhere.
         planes: (n,) plane of each circular block: 0 XY, 1 ZX, 2 YZ.
-        lines: (n,) line of the program (from 1) that the block was read from, 0 where it was not read.
+        lines: (n,) line of the program (from 1) that the block was read from, 0 if it was not read.
     """
 
     axes: tuple[str, ...]
@@ -98,21 +99,15 @@ class Trajectory:
     planes: NDArray[np.uint8] | None = None
 
     def __post_init__(self) -> None:
-        """Freeze the arrays and check that the rows match."""
+        """Check that the rows match, and freeze the arrays."""
         n, k = self.positions.shape
         if len(self.axes) != k or self.start.shape != (k,):
             raise ValueError(f"{len(self.axes)} axes do not fit positions of shape {self.positions.shape}")
-        for name in ("start", "positions", "kinds", "durations", "events", "courses", "stated", "lines"):
+        for name in ("kinds", "durations", "events", "courses", "stated", "lines", "centres", "planes"):
             rows = getattr(self, name)
-            if name != "start" and len(rows) != n:
+            if rows is not None and len(rows) != n:
                 raise ValueError(f"{name} has {len(rows)} rows, positions {n}")
-            object.__setattr__(self, name, frozen(rows))
-        for name in ("centres", "planes"):
-            optional = getattr(self, name)
-            if optional is not None:
-                if len(optional) != n:
-                    raise ValueError(f"{name} has {len(optional)} rows, positions {n}")
-                object.__setattr__(self, name, frozen(optional))
+        super().__post_init__()
 
     def __len__(self) -> int:
         """Number of blocks."""
@@ -129,11 +124,11 @@ class Trajectory:
         return frozen(np.cumsum(self.durations))
 
     def column(self, axis: str) -> int:
-        """Column of an axis in `positions`."""
+        """Return the column of an axis in `positions`."""
         return self.axes.index(axis)
 
     def begins(self, blocks: Ints) -> Floats:
-        """Joint values (m, k) at the beginning of the blocks with the (m,) indices, in metres and radians."""
+        """Return the joint values (m, k) at the beginning of blocks (m,), in metres and radians."""
         values = self.positions[np.maximum(blocks - 1, 0)]
         first = blocks == 0
         if np.any(first):
@@ -141,10 +136,10 @@ class Trajectory:
         return values
 
     def within(self, blocks: Ints, fractions: Floats) -> Floats:
-        """Joint values (m, k) at (m,) fractions (0 begin, 1 end) of the (m,) blocks.
+        """Return the joint values (m, k) at (m,) fractions (0 beginning, 1 end) of blocks (m,).
 
-        Blocks are straight in joint space, but for the two axes of a circular block's plane: those turn about its
-        centre at a constant rate, with the radius going linearly from that at the begin to that at the end.
+        Blocks are straight in joint space, except in the two axes of a circular block's plane: those turn about its
+        centre at a constant rate, while the radius changes linearly from the beginning to the end.
         """
         begin = self.begins(blocks)
         values = begin + fractions[:, None] * (self.positions[blocks] - begin)
@@ -155,14 +150,14 @@ class Trajectory:
             angles = arcs.angles + along * arcs.sweeps
             radii = arcs.radii[0] + along * (arcs.radii[1] - arcs.radii[0])
             turned = arcs.centres + radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-            # The ends are those of the program, not what the radius makes of them.
+            # Take the ends from the program, free of the rounding of the radius.
             turned[along == 1.0] = self.positions[blocks[circular]][rows[:, None], arcs.axes][along == 1.0]
             turned[along == 0.0] = begin[circular][rows[:, None], arcs.axes][along == 0.0]
             values[circular[:, None], arcs.axes] = turned
         return values
 
     def arcs(self, blocks: Ints) -> Arcs:
-        """Geometry of the circular blocks with the (m,) indices.
+        """Return the geometry of circular blocks (m,).
 
         Raises:
             ValueError: the trajectory has no centres or planes.
@@ -176,7 +171,7 @@ class Trajectory:
         centres = self.centres[blocks][rows, pairs]
         begins, ends = self.begins(blocks)[rows, axes] - centres, self.positions[blocks][rows, axes] - centres
         cross = begins[:, 0] * ends[:, 1] - begins[:, 1] * ends[:, 0]
-        sweeps = np.arctan2(cross, np.einsum("ij,ij->i", begins, ends))
+        sweeps = np.arctan2(cross, dot(begins, ends))
         turn = np.where(self.kinds[blocks] == Kind.COUNTERCLOCKWISE, 2.0 * np.pi, -2.0 * np.pi)
         sweeps = np.where(sweeps * turn > 0.0, sweeps, sweeps + turn)
         return Arcs(

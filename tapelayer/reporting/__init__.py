@@ -1,1 +1,1 @@
-"""What the reports of both machines share."""
+"""Reporting: the parts that the reports of both machines share."""

@@ -15,7 +15,7 @@ from tapelayer.verification.axis_use import AxisUse
 
 
 def axis_plots(axes: Sequence[AxisUse], trajectory: Trajectory) -> list[Element]:
-    """Position and speed of every axis over the program's time."""
+    """Return plots of position and speed of every axis over the program's time."""
     moves = np.flatnonzero(trajectory.durations > 0.0)
     if not 0.0 < trajectory.duration < math.inf:
         return [element("p", "The program's time is not known.", class_="note")]
@@ -54,7 +54,7 @@ def axis_plots(axes: Sequence[AxisUse], trajectory: Trajectory) -> list[Element]
 
 
 def _bands(panel: Panel, begins: Floats, ends: Floats) -> Element:
-    """Shade from (m,) to (m,) in the panel's x, pixel column by pixel column."""
+    """Return bands shaded from (m,) to (m,) in the panel's x, pixel column by pixel column."""
     first = np.floor(panel.across(begins)).astype(np.int64)
     last = np.ceil(panel.across(ends)).astype(np.int64)
     parts = []

@@ -1,6 +1,6 @@
 """Drawing: elements of a page, and plots as SVG.
 
-Everything is built as an element tree, so that every name from a file is escaped by the serialiser and not by hand.
+Everything is built as an element tree, so that the serialiser escapes every name from a file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tapelayer.reporting.words import plain
 
 
 def element(tag: str, *content: Element | str, **attributes: object) -> Element:
-    """An element; an attribute's underscores are hyphens, and one at its end keeps it off Python's words.
+    """Return an element; underscores in attributes become hyphens, and a final one avoids Python's keywords.
 
     Examples:
         >>> from xml.etree.ElementTree import tostring
@@ -37,7 +37,7 @@ def element(tag: str, *content: Element | str, **attributes: object) -> Element:
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[Element | str]], **attributes: object) -> Element:
-    """A table of headings and rows.
+    """Return a table of headings and rows.
 
     Examples:
         >>> from xml.etree.ElementTree import tostring
@@ -53,7 +53,7 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[Element | str]], **at
 
 
 def svg(width: float, height: float, *content: Element, label: str = "") -> Element:
-    """A drawing of a size in pixels; without a label it is decoration.
+    """Return a drawing of a size in pixels; without a label it is decoration.
 
     Examples:
         >>> from xml.etree.ElementTree import tostring
@@ -65,7 +65,7 @@ def svg(width: float, height: float, *content: Element, label: str = "") -> Elem
 
 
 def heading_of(*parts: tuple[str, str]) -> Element:
-    """A plot's heading: words, each in the colour of its line.
+    """Return a plot's heading of words, each in the colour of its line.
 
     Examples:
         >>> from xml.etree.ElementTree import tostring
@@ -77,12 +77,12 @@ def heading_of(*parts: tuple[str, str]) -> Element:
 
 @dataclass(frozen=True, eq=False)
 class PlotCurve:
-    """A line of a plot.
+    """A curve of a plot.
 
     Attributes:
         style: CSS class.
         x: (n,) finite, in the plot's unit.
-        y: (n,) in the plot's unit; a value that is not finite is a gap.
+        y: (n,) in the plot's unit; a non-finite value is a gap.
     """
 
     style: str
@@ -92,7 +92,7 @@ class PlotCurve:
 
 @dataclass(frozen=True)
 class Panel:
-    """The place and ranges of one plot in its figure, pixels and the plot's units.
+    """The position and ranges of one plot in its figure, in pixels and the plot's units.
 
     Attributes:
         left: of the plot's area.
@@ -111,7 +111,7 @@ class Panel:
     y: tuple[float, float]
 
     def across(self, x: Floats | float) -> Any:
-        """Pixels from the figure's left edge.
+        """Return pixels from the figure's left edge.
 
         Examples:
             >>> panel = Panel(left=50, top=20, width=400, height=100, x=(0.0, 8.0), y=(-1.0, 1.0))
@@ -121,7 +121,7 @@ class Panel:
         return self.left + (x - self.x[0]) * (self.width / (self.x[1] - self.x[0]))
 
     def down(self, y: Floats | float) -> Any:
-        """Pixels from the figure's top edge.
+        """Return pixels from the figure's top edge.
 
         Examples:
             >>> panel = Panel(left=50, top=20, width=400, height=100, x=(0.0, 8.0), y=(-1.0, 1.0))
@@ -133,7 +133,7 @@ class Panel:
     def drawn(
         self, heading: Element, curves: Sequence[PlotCurve], limits: Sequence[float], judged: bool = True
     ) -> list[Element]:
-        """Elements of the plot: frame, ticks, limits with their values, lines."""
+        """Return the elements of the plot: frame, ticks, limits with their values, curves."""
         right, bottom = self.left + self.width, self.top + self.height
         heading.attrib.update(x=px(self.left), y=px(self.top - 5))
         nodes = [heading]
@@ -166,7 +166,7 @@ class Panel:
 
 
 def range_of(curves: Sequence[PlotCurve], limits: Sequence[float]) -> tuple[float, float]:
-    """Lowest and highest y of the curves and the limits, with room to see a limit that is not touched.
+    """Return lowest and highest y of the curves and the limits, with a margin to show untouched limits.
 
     Examples:
         >>> range_of([PlotCurve("first", np.arange(3.0), np.array([0.0, np.nan, 10.0]))], limits=[50.0])
@@ -177,12 +177,12 @@ def range_of(curves: Sequence[PlotCurve], limits: Sequence[float]) -> tuple[floa
         finite = curve.y[np.isfinite(curve.y)]
         values += [float(np.min(finite)), float(np.max(finite))] if len(finite) else []
     low, high = min(values), max(values)
-    room = 0.08 * (high - low) or 1.0
-    return low - room, high + room
+    margin = 0.08 * (high - low) or 1.0
+    return low - margin, high + margin
 
 
 def extent(values: Floats) -> tuple[float, float]:
-    """Lowest and highest of finite values (n,), never equal.
+    """Return the lowest and highest of finite values (n,), never equal.
 
     Examples:
         >>> extent(np.array([3.0, 1.0, 2.0])), extent(np.array([3.0]))
@@ -195,7 +195,7 @@ def extent(values: Floats) -> tuple[float, float]:
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
-    """Round values of step 1, 2 or 5 times a power of ten, at most about `count` of them.
+    """Return round values in steps of 1, 2 or 5 times a power of ten, at most about `count` of them.
 
     Examples:
         >>> ticks(0.0, 7.0, 4), ticks(-1.0, 1.0, 4)
@@ -208,13 +208,13 @@ def ticks(low: float, high: float, count: int) -> list[float]:
 
 
 def extremes(x: Floats, y: Floats, columns: int) -> Ints:
-    """Indices (m,) of the rows that a plot `columns` pixels wide cannot do without.
+    """Return the indices (m,) of the rows that a plot `columns` pixels wide needs.
 
-    In each pixel column the first, the last, the least and the greatest value are kept, and the first that is not
-    finite: the line through them covers the same pixels as the line through all (M4, Jugel et al., VLDB 2014).
+    In each pixel column the first, last, least and greatest values are kept, and the first non-finite one: the line
+    through them covers the same pixels as the line through all (M4, Jugel et al., VLDB 2014).
 
     Args:
-        x: (n,) finite; rows that follow each other in one column are one group.
+        x: (n,) finite; consecutive rows in one column are one group.
         y: (n,) any unit.
         columns: pixel columns over the range of x.
 
@@ -236,13 +236,13 @@ def extremes(x: Floats, y: Floats, columns: int) -> Ints:
         values == np.fmax.reduceat(values, firsts)[group],
         np.isnan(values),
     ):
-        found = np.flatnonzero(mask)
-        kept.append(found[np.append(True, np.diff(group[found]) > 0)[: len(found)]])
+        hits = np.flatnonzero(mask)
+        kept.append(hits[np.append(True, np.diff(group[hits]) > 0)[: len(hits)]])
     return np.unique(np.concatenate(kept))
 
 
 def polyline(across: Floats, down: Floats) -> str:
-    """Path in tenths of a pixel through points (n,), (n,); a point that is not finite is a gap.
+    """Return the path in tenths of a pixel through points (n,), (n,); a non-finite point is a gap.
 
     Examples:
         >>> polyline(np.array([0.0, 10.0, 20.0]), np.array([5.0, 0.0, 5.0]))
@@ -250,22 +250,22 @@ def polyline(across: Floats, down: Floats) -> str:
         >>> polyline(np.array([0.0, 10.0, np.nan, 20.0]), np.array([5.0, 5.0, 5.0, 5.0]))
         'M0 50l100 0M200 50l0 0'
     """
-    seen = np.isfinite(across) & np.isfinite(down)
-    points = np.column_stack([across, down])[seen]
+    finite = np.isfinite(across) & np.isfinite(down)
+    points = np.column_stack([across, down])[finite]
     tenths = np.rint(10 * points).astype(np.int64)
-    first = np.flatnonzero(np.append(True, np.diff(np.flatnonzero(seen)) > 1)[: len(tenths)])
+    first = np.flatnonzero(np.append(True, np.diff(np.flatnonzero(finite)) > 1)[: len(tenths)])
     parts = []
     for run in np.split(tenths, first[1:]) if len(tenths) else []:
         steps = np.diff(run, axis=0)
         steps = steps[np.any(steps != 0, axis=1)]
-        # A lone point is a dot: a line of no length has round caps.
+        # A lone point becomes a line of zero length, which round caps draw as a dot.
         steps = steps if len(steps) else np.zeros((1, 2), np.int64)
         parts.append(f"M{run[0, 0]} {run[0, 1]}l" + " ".join(map(str, steps.ravel().tolist())).replace(" -", "-"))
     return "".join(parts)
 
 
 def px(value: float) -> str:
-    """A pixel coordinate to a tenth.
+    """Return a pixel coordinate rounded to a tenth.
 
     Examples:
         >>> px(12.0), px(12.345)

@@ -11,13 +11,13 @@ from tapelayer.arrays import Floats
 from tapelayer.reporting.drawing import Panel, element, px, ticks
 from tapelayer.reporting.words import plain
 
-# Colours of a scale, and the largest drawing of a plan, pixels.
+# Number of colours of a scale, and largest size of a plan's drawing in pixels.
 COLOURS = 10
 WIDTH, HEIGHT = 760.0, 560.0
 
 
 def plan_panel(low: Floats, high: Floats) -> tuple[Panel, float]:
-    """Return the panel of a plan to scale from corner (2,) to corner (2,) in mm, and its pixels a millimetre."""
+    """Return the panel of a plan to scale from corner (2,) to corner (2,) in mm, and its pixels per millimetre."""
     scale = float(min(WIDTH / (high[0] - low[0]), HEIGHT / (high[1] - low[1])))
     size = (high - low) * scale
     spans = (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
@@ -25,7 +25,7 @@ def plan_panel(low: Floats, high: Floats) -> tuple[Panel, float]:
 
 
 def round_up(value: float) -> float:
-    """The next of 1, 2 or 5 times a power of ten; for no error at all a micrometre in millimetres.
+    """Return the next 1, 2 or 5 times a power of ten, and at least 0.001, a micrometre in millimetres.
 
     Examples:
         >>> round_up(0.03), round_up(6.0), round_up(0.0)
@@ -38,7 +38,7 @@ def round_up(value: float) -> float:
 
 
 def heading(begin: Floats, end: Floats) -> Floats:
-    """Unit vector (2,) from one point (2,) to another; up the page where they are one.
+    """Return the unit vector (2,) from one point (2,) to another; up the page where they coincide.
 
     Examples:
         >>> heading(np.array([0.0, 0.0]), np.array([3.0, 4.0])).tolist()
@@ -50,7 +50,7 @@ def heading(begin: Floats, end: Floats) -> Floats:
 
 
 class MarkPlaces:
-    """Places on the page that are taken by marks of one height.
+    """Places on the page taken by marks of equal height.
 
     Args:
         height: of a mark, pixels.
@@ -61,7 +61,7 @@ class MarkPlaces:
         self._taken = np.zeros((0, 3))
 
     def take(self, centre: Floats, half_width: float) -> bool:
-        """Take the place round a centre (2,) in pixels, unless it is taken.
+        """Take the place around a centre (2,) in pixels and return True, or return False where it is taken.
 
         Examples:
             >>> places = MarkPlaces(height=10.0)
@@ -91,9 +91,9 @@ def colour_bar(
         left: of the bar, pixels.
         top: of the bar, pixels.
         words: what the colours mean, in two lines.
-        highest: value at the end of the colours; 0 is at their begin.
+        highest: value at the end of the colours, which begin at 0.
         bound: whether the end is a limit.
-        over: whether the colour of what is beyond the limit is shown, too.
+        over: whether the colour for values beyond the limit is shown, too.
     """
     size = 14.0
     nodes = [
@@ -116,7 +116,7 @@ def colour_bar(
 
 
 def scale_bar(panel: Panel, scale: float) -> Element:
-    """A bar of a round length, to the right of the plan at its foot."""
+    """Return a bar of a round length, to the right of the plan at its foot."""
     length = ticks(0.0, 90.0 / scale, 3)[-1]
     left, down = panel.left + panel.width + 24, panel.top + panel.height
     bar = element("path", d=f"M{px(left)} {px(down - 4)}v4h{px(length * scale)}v-4", class_="scale")

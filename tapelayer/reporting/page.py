@@ -1,4 +1,4 @@
-"""Page: the report to print and sign, as one HTML file with plots that asks the network for nothing."""
+"""Page: the report to print and sign, as one HTML file with plots that needs no network."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tapelayer.reporting.words import plain, shown, worded
 from tapelayer.verification.axis_use import AxisUse
 from tapelayer.verification.limits import Limits
 
-# Rows of a table; beyond them the page gives a count.
+# Most rows of a table; the page counts the rest.
 SHOWN_ROWS = 200
 STYLE = files("tapelayer.reporting").joinpath("page.css").read_text(encoding="utf-8")
 
@@ -21,15 +21,15 @@ Cells = list[Element | str]
 
 
 def document(title: str, verdict: Element, sections: Sequence[Element], style: str = "") -> str:
-    """Return the text of an HTML page, light and dark, to be printed.
+    """Return the text of an HTML page for screens, light and dark, and for printing.
 
     Args:
-        title: of the report, as the program is called.
-        verdict: in one line.
-        sections: the rest, in order.
+        title: name of the program.
+        verdict: verdict in one line.
+        sections: the other elements, in order.
         style: more CSS.
     """
-    # A file name may hold bytes that are no text; they are shown as escapes.
+    # A file name may hold bytes that are not text; they are shown as escapes.
     name = printable(title)
     header = element("header", element("h1", "Verification of ", element("span", name, class_="name")), verdict)
     head = element(
@@ -55,7 +55,7 @@ def printable(name: str) -> str:
 
 
 def verdict(rows: Sequence[Row[Measured]], report: dict[str, Any], limits: Limits, parts: str) -> Element:
-    """Return the verdict in one line; it names what is beyond a limit and not judged.
+    """Return the verdict in one line, naming quantities beyond a limit that is not judged.
 
     Args:
         rows: of the kind of machine.
@@ -92,20 +92,20 @@ def _sentence(failure: dict[str, Any]) -> str:
 
 
 def _part_keys(failure: dict[str, Any]) -> list[str]:
-    """The key of a failure that numbers its course or pass: the one before its point."""
+    """Return the keys of a failure that number its course or pass: those before its point."""
     keys = list(failure)
     return keys[: keys.index("point")]
 
 
 def facts(rows: Sequence[Row[Measured]], report: dict[str, Any], more: Sequence[tuple[str, str]]) -> Element:
-    """Return the facts of a program: words and value of each, and of what else there is to say."""
+    """Return the facts of a program as words and values, with further ones."""
     pairs = [(row.words.en, row.shown(report[row.key])) for row in quantities(rows, Group.FACT)]
     pairs += [*more, ("tapelayer", report["version"]), ("SHA-256 of the program", report["program_sha256"])]
     return element("dl", *(element("div", element("dt", words), element("dd", value)) for words, value in pairs))
 
 
 def failures_table(failures: Sequence[dict[str, Any]]) -> list[Element]:
-    """Return the failures with their places; nothing where there are none."""
+    """Return the table of failures with their places; nothing where there are none."""
     if not failures:
         return []
     keys = [*_part_keys(failures[0]), "point", "line"]
@@ -155,7 +155,7 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:
         axes: in the order of the machine.
         report: plain values, with `axes` and `failures`.
     """
-    # A speed may exceed its limit by the last digit of a feed word: what is red is verification's to say.
+    # A speed may exceed its limit by the last digit of a feed word, so verification decides what is red.
     failed = {failure["what"] for failure in report["failures"]}
     rows: list[Cells] = []
     for axis in axes:
@@ -179,7 +179,7 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:
 
 
 def range_bar(begin: float | None, end: float | None, low: float, high: float, failed: bool) -> Element:
-    """Return a range within its bounds as a small bar, red where it failed."""
+    """Return a small bar of a range within its bounds, red if it failed."""
     width = 90.0
     drawing = svg(width, 9, element("rect", class_="track", x=0, y=1.5, width=width, height=6))
     if begin is not None and end is not None:

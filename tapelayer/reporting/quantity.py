@@ -1,4 +1,4 @@
-"""Quantities: a figure of a report is one row; JSON, tables, page, plots, docs and HTTP iterate over rows."""
+"""Quantities: one row per figure of a report, over which JSON, tables, page, plots, docs and HTTP iterate."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Measured = TypeVar("Measured")
 
 
 class Group(Enum):
-    """Where a quantity stands in tables: what the program is, or how well it keeps to what was asked."""
+    """Group of a quantity in tables: a fact about the program, or a deviation from its source."""
 
     FACT = "fact"
     ERROR = "error"
 
 
 class Style(Enum):
-    """How a quantity is written."""
+    """Format of a quantity."""
 
     COUNT = "count"
     FIXED = "fixed"
@@ -38,17 +38,17 @@ class Quantity(Generic[Measured]):
 
     Attributes:
         key: in the JSON report, with the unit at its end.
-        words: what it is called.
-        about: what it means, as a sentence without its full stop.
-        unit: in which it is written.
-        digits: behind the point, where it is no count.
-        measure: takes it from what was measured, in its unit; None where there is none, NaN where it was not measured.
-        group: where it stands in tables.
-        style: how it is written.
+        words: its name.
+        about: its meaning, as a sentence without its full stop.
+        unit: unit in which it is written.
+        digits: decimals, unless it is a count.
+        measure: takes it from the measurements, in its unit; None where there is none, NaN where it was not measured.
+        group: its group in tables.
+        style: its format.
         absent: why it may have no value.
-        required: whether a program of which it cannot be measured has failed.
+        required: whether a program fails if it cannot be measured.
         headline: whether it stands beside the verdict.
-        samples: field of the samples whose largest magnitude it is, where there are plots along the courses.
+        samples: field of the samples of which it is the largest magnitude, where there are plots along the courses.
         curves: fields of the samples to plot, with their names.
     """
 
@@ -68,7 +68,7 @@ class Quantity(Generic[Measured]):
 
     @property
     def failure(self) -> str:
-        """What a failure of the quantity is called.
+        """Name of a failure of the quantity.
 
         >>> Quantity("max_pitch_deg", Words("", ""), Words("", ""), "deg", 3, lambda _: 0.0).failure
         'pitch_deg'
@@ -77,7 +77,7 @@ class Quantity(Generic[Measured]):
 
     @property
     def form(self) -> str:
-        """Format in which it is written, after Python's format specification."""
+        """Format in which it is written, as a Python format specification."""
         return {Style.COUNT: ",d", Style.FIXED: f"z,.{self.digits}f", Style.POWER: ".1e"}[self.style]
 
     def lost(self, value: float | None) -> bool:
@@ -113,12 +113,12 @@ class Quantity(Generic[Measured]):
 
 @dataclass(frozen=True)
 class Listing(Generic[Measured]):
-    """A part of the report that is more than a number.
+    """A part of the report that is not a single number.
 
     Attributes:
         key: in the JSON report.
-        measure: takes it from what was measured, as plain values for JSON.
-        required: whether a program of which a value in it could not be measured has failed.
+        measure: takes it from the measurements, as plain values for JSON.
+        required: whether a program fails if a value in it could not be measured.
     """
 
     key: str
@@ -163,11 +163,11 @@ def quantities(rows: Sequence[Row[Measured]], group: Group | None = None) -> lis
 def numbers(rows: Sequence[Row[Measured]], measured: Measured, findings: Findings) -> dict[str, Any]:
     """Return a report as plain values for JSON, millimetres and degrees.
 
-    What was not measured is None; where the row is required, the report is not passed.
+    Values not measured are None, and fail the report where their row is required.
 
     Args:
         rows: of the kind of machine.
-        measured: what the rows take their values from.
+        measured: measurements from which the rows take their values.
         findings: verdict and axes of the same program.
     """
     values = {row.key: row.measure(measured) for row in rows}
@@ -178,7 +178,7 @@ def numbers(rows: Sequence[Row[Measured]], measured: Measured, findings: Finding
         lost += [what for axis in findings.axes for what in _unmeasured(axis)]
     lost += [row.key for row in rows if isinstance(row, Listing) and row.lost(values[row.key])]
     failures += [
-        # What verification refused already is not refused twice.
+        # Failures that verification reported already are not repeated.
         {**dict.fromkeys(findings.places, 0), "what": what, "value": None, "limit": None}
         for what in lost
         if what not in known
@@ -201,7 +201,7 @@ def _unmeasured(axis: AxisUse) -> Iterator[str]:
 
 
 def _leaves(value: Any) -> Iterator[Any]:
-    """All values within objects and lists."""
+    """Yield all values within objects and lists."""
     if isinstance(value, dict):
         value = list(value.values())
     if isinstance(value, list):

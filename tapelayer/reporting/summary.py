@@ -51,7 +51,7 @@ def summary(
 
 
 def _cells(row: Quantity[Measured], report: dict[str, Any], limit: Limit | None) -> tuple[str, str, str]:
-    """Words, value and limit of a quantity."""
+    """Return the words, value and limit of a quantity."""
     value = row.shown(report[row.key])
     if limit is None:
         return row.words.en, value, ""

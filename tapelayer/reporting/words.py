@@ -1,4 +1,4 @@
-"""Words: how values, limits and keys are written for people, in both languages."""
+"""Words: values, limits and keys as text for people, in both languages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ Language = Literal["en", "zh"]
 
 
 class Words(NamedTuple):
-    """A text in every language that reports and page speak.
+    """A text in every language of the reports and the page.
 
     Attributes:
         en: English.
@@ -41,7 +41,7 @@ def shown(value: float | None, unit: str, form: str, absent: str = NOT_MEASURED.
 
 
 def plain(value: float) -> str:
-    """Return a limit or a tick in the fewest digits, thousands apart.
+    """Return a limit or a tick in the fewest digits, with separated thousands.
 
     >>> plain(1500.0), plain(0.05)
     ('1,500', '0.05')
@@ -50,7 +50,7 @@ def plain(value: float) -> str:
 
 
 def worded(what: str) -> tuple[str, str]:
-    """Return words and unit of a quantity's key.
+    """Return the words and the unit of a quantity's key.
 
     >>> worded("axis_c_speed_deg_per_s")
     ('axis c speed', 'deg/s')

@@ -1,1 +1,1 @@
-"""Setups: typed values of a job, from TOML files and from forms."""
+"""Setups: the typed values of a job, from TOML files and from forms."""

@@ -1,4 +1,4 @@
-"""Setups as a form has them: values by section and key, and the TOML text that says the same."""
+"""Forms: setups as values by section and key, and as the equivalent TOML text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NAME = "setup.toml"
 
 
 def values_of(data: bytes, model: type[JobSetup]) -> Values:
-    r"""Values that the bytes of a setup's TOML set.
+    r"""Return the values that the bytes of a setup's TOML set.
 
     Raises:
         SetupRefused: as `parse_setup`.
@@ -29,7 +29,7 @@ def values_of(data: bytes, model: type[JobSetup]) -> Values:
 
 
 def text_of_values(values: Values, model: type[JobSetup]) -> str:
-    r"""TOML text of values; a value that is None is left out.
+    r"""Return the TOML text of values, leaving out those that are None.
 
     Raises:
         SetupRefused: unknown keys, or values out of range; all faults at once.
@@ -40,15 +40,15 @@ def text_of_values(values: Values, model: type[JobSetup]) -> str:
         '[machine]\n\n[tape]\nwidth_mm = 50.0\n'
     """
     text = text_of(parse_table(model, values, NAME))
-    # What no file may hold, such as half a character or a name of a thousand letters, shows itself in reading.
+    # Reading reveals what no file may hold, such as half a character or a name of a thousand letters.
     parse_setup(text.encode(errors="surrogatepass"), NAME, model)
     return text
 
 
 def schema_of(model: type[JobSetup]) -> dict[str, Any]:
-    """JSON schema of a setup: every key with its unit in its name, default, limits and description.
+    """Return the JSON schema of a setup: every key with its unit in its name, default, limits and description.
 
-    Sections are called by their titles, which are those of the setup's own words.
+    Sections are named by their titles, the terms of the setup file itself.
     """
     schema = model.model_json_schema()
     titles = {name: section["title"] for name, section in schema["$defs"].items()}
@@ -63,7 +63,7 @@ def schema_of(model: type[JobSetup]) -> dict[str, Any]:
 
 
 def text_of(setup: JobSetup) -> str:
-    r"""TOML text of the values that a setup was given; those that it has by default are left out.
+    r"""Return the TOML text of the values that a setup was given, leaving out defaults.
 
     Examples:
         >>> from tapelayer.laying.settings import Setup

@@ -1,7 +1,7 @@
 """Sections: setups as typed tables of values, read from TOML, with every fault in words.
 
-The field descriptions of sections are the one description of each parameter: default file, help and docs come from
-them. Fields are in the units of their names (mm, deg); whoever computes converts with `MM` and `DEG`.
+The field descriptions of sections are the only description of each parameter: default file, help and docs come from
+them. Fields are in the units of their names (mm, deg); code that computes converts with `MM` and `DEG`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tapelayer.errors import InputFault, SetupRefused
 from tapelayer.toml_files import read_toml
 from tapelayer.units import DEG, MM
 
-# More faults than these are no slips: they are counted, and each of them takes time to be worded.
+# More faults than this are no slips: wording each takes time, so the rest are only counted.
 MOST_FAULTS = 100
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -64,7 +64,7 @@ class MachineSettings(Section, title="Machine"):
     ] = {}
 
     def travel(self) -> dict[str, tuple[float, float]]:
-        """Overridden travel by axis, in metres and radians.
+        """Return the overridden travel by axis, in metres and radians.
 
         Examples:
             >>> MachineSettings(limits_mm={"x": [0, 2500]}).travel()
@@ -74,7 +74,7 @@ class MachineSettings(Section, title="Machine"):
         return linear | {axis: (low * DEG, high * DEG) for axis, (low, high) in self.limits_deg.items()}
 
     def speeds(self) -> dict[str, float]:
-        """Overridden speed limits by axis, in metres and radians per second.
+        """Return the overridden speed limits by axis, in metres and radians per second.
 
         Examples:
             >>> MachineSettings(speeds_mm_per_s={"x": 500}).speeds()
@@ -101,7 +101,7 @@ class JobSetup(Section):
     """The setup of a job: a table of values for each thing it speaks of."""
 
     if TYPE_CHECKING:
-        # Every setup has these sections; their place among the others is the setup's own.
+        # Every setup has these sections; each setup decides their order among the others.
         machine: MachineSettings
         output: OutputSettings
 
@@ -109,7 +109,7 @@ class JobSetup(Section):
     FILES: ClassVar[tuple[tuple[str, str], ...]] = (("machine", "urdf"),)
 
     def with_values(self, section: str, **values: object) -> Self:
-        """Return a setup with some values of one section replaced, validated again.
+        """Return a setup with some values of one section replaced, and validate it again.
 
         Raises:
             SetupRefused: a value does not fit.
@@ -128,10 +128,10 @@ class JobSetup(Section):
         return parse_table(type(self), table, "setup")
 
     def digest(self, files: Mapping[tuple[str, str], bytes]) -> str:
-        """SHA-256 of the effective values, hexadecimal.
+        """Return the SHA-256 of the effective values, hexadecimal.
 
         Args:
-            files: bytes of the files that values name, by section and key: they enter by content, not by path.
+            files: bytes of the files that values name, by section and key: their content counts, not their paths.
 
         Examples:
             >>> from tapelayer.laying.settings import Setup
@@ -148,10 +148,10 @@ SetupModel = TypeVar("SetupModel", bound=JobSetup)
 
 
 def read_setup(path: Path | str, model: type[SetupModel]) -> SetupModel:
-    """Setup from a TOML file.
+    """Read a setup from a TOML file.
 
     Raises:
-        SetupRefused: the file is missing, no TOML, or has unknown keys or values out of range; all faults at once.
+        SetupRefused: the file is missing, not TOML, or has unknown keys or values out of range; all faults at once.
     """
     name = str(path)
     try:
@@ -162,7 +162,7 @@ def read_setup(path: Path | str, model: type[SetupModel]) -> SetupModel:
 
 
 def parse_setup(data: bytes, name: str, model: type[SetupModel]) -> SetupModel:
-    r"""Setup from the bytes of a TOML file; relative paths are taken from the file's folder.
+    r"""Return the setup in the bytes of a TOML file; relative paths start from the file's folder.
 
     Raises:
         SetupRefused: as `read_setup`.
@@ -185,7 +185,7 @@ def parse_setup(data: bytes, name: str, model: type[SetupModel]) -> SetupModel:
 
 
 def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text: str = "") -> SetupModel:
-    """Validated model of a TOML table, with the faults worded for a person.
+    """Return the validated model of a TOML table, or refuse it with faults worded for people.
 
     Raises:
         SetupRefused: unknown keys (with the nearest known one) or values out of range; all faults at once.
@@ -199,9 +199,9 @@ def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text:
         return model.model_validate(table)
     except ValidationError as error:
         lines, faults = _lines_of_keys(text), []
-        for found in error.errors()[:MOST_FAULTS]:
-            place = tuple(str(part) for part in found["loc"])
-            sentence = _sentence(model, place, found["type"], found["msg"], found["input"])
+        for detail in error.errors()[:MOST_FAULTS]:
+            place = tuple(str(part) for part in detail["loc"])
+            sentence = _sentence(model, place, detail["type"], detail["msg"], detail["input"])
             faults.append(InputFault(_line_of(lines, place), sentence, place=place))
         faults = sorted(set(faults), key=lambda fault: fault.line)
         if error.error_count() > MOST_FAULTS:
@@ -210,7 +210,7 @@ def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text:
 
 
 def default_text(model: type[Section], title: str) -> str:
-    """The default setup as a commented TOML file: every key with unit, default and description.
+    """Return the default setup as a commented TOML file: every key with unit, default and description.
 
     Examples:
         >>> from tapelayer.laying.settings import Setup
@@ -285,14 +285,14 @@ def _unknown(model: type[Section], place: tuple[str, ...]) -> str:
 
 
 def _model_at(model: type[Section], place: tuple[str, ...]) -> type[Section]:
-    """The model of the table at a place of a setup."""
+    """Return the model of the table at a place of a setup."""
     for key in place:
         model = _section_model(model.model_fields[key])
     return model
 
 
 def _lines_of_keys(text: str) -> dict[tuple[str, ...], int]:
-    """Lines (from 1) of TOML text where a section, or a key of a section, stands first; keys outside of one have ""."""
+    """Return the first line (from 1) of each section and key in TOML text; keys outside sections have section ""."""
     section = ""
     lines: dict[tuple[str, ...], int] = {}
     for number, line in enumerate(text.split("\n"), 1):
@@ -305,6 +305,6 @@ def _lines_of_keys(text: str) -> dict[tuple[str, ...], int]:
 
 
 def _line_of(lines: Mapping[tuple[str, ...], int], place: tuple[str, ...]) -> int:
-    """Line of a key, or of its section; 0 where neither is found."""
+    """Return the line of a key, or of its section; 0 where neither is known."""
     known = (place[:2], ("", *place[:1]), place[:1])
     return next((lines[key] for key in known if key in lines), 0)

@@ -1,1 +1,1 @@
-"""What the judges of both machines share."""
+"""Verification: the checks that the judges of both machines share."""

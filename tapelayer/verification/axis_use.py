@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tapelayer.machines.machine import Axis
 
 
-# A feed word of six digits and the time made from it agree this well.
+# A feed word of six digits and the time computed from it agree within this share.
 FEED_DIGITS = 1e-5
 
 
@@ -52,21 +52,21 @@ class AxisUse:
 
     @property
     def unit(self) -> str:
-        """Unit in which the axis is written."""
+        """Unit in which the axis is reported."""
         return "deg" if self.revolute else "mm"
 
     @property
     def scale(self) -> float:
-        """From metres or radians to that unit."""
+        """Factor from metres or radians to that unit."""
         return 1 / DEG if self.revolute else 1 / MM
 
     @property
     def failures(self) -> tuple[str, str]:
-        """How failures of its travel and of its speed are called."""
+        """Names of failures of its travel and of its speed."""
         return f"axis_{self.name}_{self.unit}", f"axis_{self.name}_speed_{self.unit}_per_s"
 
     def values(self) -> dict[str, Any]:
-        """The axis for JSON, in the unit it is written in."""
+        """Return the axis for JSON, in its unit."""
         values = {
             "min": self.least,
             "max": self.greatest,
@@ -82,15 +82,15 @@ class AxisUse:
 def axes_used(
     trajectory: Trajectory, axes: Sequence[Axis], digits: Floats, rounding: Floats
 ) -> tuple[tuple[AxisUse, ...], list[Breach]]:
-    """Travel and speed of every axis, and the worst block of each that is beyond.
+    """Return travel and speed of every axis, and the worst block of each that exceeds its limits.
 
     Args:
         trajectory: planned, or read back from a program.
         axes: its axes, in the order of its columns.
-        digits: (k,) last written digit of each axis, metres and radians: a place is known to half of it.
-        rounding: (k,) metres and radians by which an axis may have gone less than its words say, in one block.
+        digits: (k,) last written digit of each axis, metres and radians: positions are known to half of it.
+        rounding: (k,) metres and radians by which an axis's true step in one block may be less than its words state.
     """
-    uses, found = [], []
+    uses, breaches = [], []
     feeding = np.flatnonzero(np.isin(trajectory.kinds, (Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     begins, ends = trajectory.begins(feeding), trajectory.positions[feeding]
     spans = trajectory.durations[feeding]
@@ -108,9 +108,9 @@ def axes_used(
         if not np.all(inside):
             row = int(np.argmax(np.nan_to_num(np.maximum(axis.lower - values, values - axis.upper), nan=-np.inf)))
             bound = axis.lower if values[row] < axis.lower else axis.upper
-            found.append(Breach(row, travel, float(values[row]) * use.scale, bound * use.scale))
+            breaches.append(Breach(row, travel, float(values[row]) * use.scale, bound * use.scale))
         if not top <= axis.speed * (1 + FEED_DIGITS):
             row = int(feeding[np.argmax(np.nan_to_num(speeds, nan=np.inf))])
-            found.append(Breach(row, speed, top * use.scale, axis.speed * use.scale))
+            breaches.append(Breach(row, speed, top * use.scale, axis.speed * use.scale))
         uses.append(use)
-    return tuple(uses), found
+    return tuple(uses), breaches

@@ -12,8 +12,8 @@ class Breach:
     Attributes:
         block: index of the block.
         what: the quantity, as in the report's keys.
-        value: what was found, in the quantity's unit.
-        limit: what is allowed, in the same unit.
+        value: measured value, in the quantity's unit.
+        limit: largest allowed value, in the same unit.
     """
 
     block: int

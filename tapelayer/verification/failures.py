@@ -1,4 +1,4 @@
-"""Findings: what verification finds on the programs of both machines: failures, and how the axes are used."""
+"""Failures: the results of verification that the programs of both machines share, as failures and axis use."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from tapelayer.verification.limits import Limits
 
 @dataclass(frozen=True)
 class Failure:
-    """One thing that a program must keep and does not.
+    """One limit or rule that a program breaks.
 
     Attributes:
         number: of the course or pass, 0 where none applies.
         point: nearest point of it (from 1), 0 where none applies.
         what: the quantity, as in the report's keys.
-        value: what was found, in the quantity's unit.
-        limit: what is allowed, in the same unit.
-        line: line of the program (from 1), 0 where it was not read from text.
-        of: what the number counts.
+        value: measured value, in the quantity's unit.
+        limit: largest allowed value, in the same unit.
+        line: line of the program (from 1), 0 if it was not read from text.
+        of: the kind of part that the number counts.
     """
 
     number: int
@@ -33,22 +33,22 @@ class Failure:
     of: str = "course"
 
     def sentence(self) -> str:
-        """The failure in words."""
+        """Return the failure in words."""
         place = " ".join(f"{name} {at}" for name, at in ((self.of, self.number), ("point", self.point)) if at)
         where = [f"line {self.line}"] if self.line else []
-        found = f"{self.what} is {self.value:.6g}, limit {self.limit:.6g}"
-        return ": ".join([*where, *([place] if place else []), found])
+        finding = f"{self.what} is {self.value:.6g}, limit {self.limit:.6g}"
+        return ": ".join([*where, *([place] if place else []), finding])
 
     def values(self) -> dict[str, Any]:
-        """The failure for JSON."""
+        """Return the failure for JSON."""
         place = {self.of: self.number, "point": self.point}
-        found = {"what": self.what, "value": json_number(self.value), "limit": json_number(self.limit)}
-        return place | found | ({"line": self.line} if self.line else {})
+        finding = {"what": self.what, "value": json_number(self.value), "limit": json_number(self.limit)}
+        return place | finding | ({"line": self.line} if self.line else {})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Findings:
-    """What is measured on the programs of both machines.
+    """Measurements on the programs of both machines.
 
     Attributes:
         blocks: blocks in the program.
@@ -56,8 +56,8 @@ class Findings:
         forward_disagreement: largest difference between Pinocchio itself and the batch evaluator, metres.
         axes: travel and speed of every axis.
         limits: of the setup, by quantity.
-        program_sha256: SHA-256 of the text that was judged, hexadecimal; empty where it was a plan.
-        failures: what does not hold, worst first within a course; empty where the program passed.
+        program_sha256: SHA-256 of the judged text, hexadecimal; empty for a plan.
+        failures: broken limits, worst first within a course; empty where the program passed.
     """
 
     blocks: int
@@ -68,21 +68,21 @@ class Findings:
     failures: tuple[Failure, ...]
     program_sha256: str = ""
 
-    # What the program is made of, as failures and reports call it.
+    # The parts of a program, as failures and reports call them.
     PART: ClassVar[str] = "course"
 
     @property
     def places(self) -> tuple[str, str]:
-        """Keys that place a failure: number of the part, and point in it."""
+        """Keys that locate a failure: number of the part, and point in it."""
         return self.PART, "point"
 
     @property
     def passed(self) -> bool:
-        """Whether everything holds."""
+        """Whether every limit is kept."""
         return not self.failures
 
     def worst(self, shown: int) -> str:
-        """The first failures in words, a line each, then a count."""
+        """Return the first failures in words, one per line, then a count of the rest."""
         lines = [failure.sentence() for failure in self.failures[:shown]]
         more = len(self.failures) - shown
         if more > 0:

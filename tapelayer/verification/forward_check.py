@@ -1,4 +1,4 @@
-"""Forward check: Pinocchio itself against the batch evaluator that every other measurement is made with."""
+"""Forward check: Pinocchio itself against the batch evaluator, on which every other measurement relies."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from tapelayer.arrays import Floats
 from tapelayer.machines.machine import Machine
 
-# Pinocchio itself evaluates this many poses; of more an even selection.
+# Pinocchio evaluates at most this many poses, evenly selected.
 PINOCCHIO_BLOCKS = 20_000
-# The two agree so well, in metres.
+# Largest allowed difference between the two, in metres.
 PINOCCHIO_AGREEMENT = 1e-9
 
 

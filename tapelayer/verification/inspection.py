@@ -1,4 +1,4 @@
-"""Inspection: what the judges of both machines share; the only door to an NC program."""
+"""Inspection: the base of both machines' judges, and the only path to an NC program."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FindingsT = TypeVar("FindingsT", bound=Findings)
 
 
 class Judge(ABC, Generic[FindingsT]):
-    """What a job asks for, made ready to judge trajectories by.
+    """A job's requirements, prepared for judging trajectories.
 
     Args:
         machine: with the setup's limits already in it.
@@ -32,8 +32,8 @@ class Judge(ABC, Generic[FindingsT]):
         limits: of the setup.
     """
 
-    # What the numbers count, the frames that are measured, and how many of its last written digits an axis may have
-    # gone less in a block than its words say.
+    # The kind of part that the numbers count, the frames to measure, and the number of last written digits by which
+    # an axis's true step in a block may be less than its words state.
     OF: ClassVar[str]
     FRAMES: ClassVar[tuple[str, ...]]
     ROUNDED: ClassVar[float]
@@ -48,12 +48,12 @@ class Judge(ABC, Generic[FindingsT]):
 
         Args:
             trajectory: planned, or read back from a program.
-            resolution: (k,) last written digit of each axis, metres and radians, for a program read back; its feed is
-                made from rounded end points.
-            tick: called for every course or pass that is done.
+            resolution: (k,) last written digit of each axis, metres and radians, for a program read back, whose feed
+                comes from rounded end points.
+            tick: called once per finished course or pass.
 
         Raises:
-            VerificationFailed: something does not hold; its evidence tells all.
+            VerificationFailed: a limit or rule is broken; its evidence holds everything.
         """
         return Verified(trajectory, self.judge(trajectory, resolution, tick))
 
@@ -72,14 +72,14 @@ class Judge(ABC, Generic[FindingsT]):
         later: Iterable[Failure],
         ends: Mask | bool = True,
     ) -> Findings:
-        """Return the findings of any machine, with its own failures.
+        """Return the findings common to all machines, with the machine's own failures.
 
         Args:
             trajectory: as `judge`.
             digits: (k,) last written digit of each axis, metres and radians.
-            failures: the machine's own that come first.
-            later: those that follow upon a disagreement of Pinocchio's.
-            ends: (n,) the blocks at whose ends Pinocchio itself may be asked.
+            failures: the machine's own failures to list first.
+            later: those to list after a disagreement with Pinocchio.
+            ends: (n,) the blocks at whose ends poses are compared with Pinocchio.
         """
         axes, beyond = axes_used(trajectory, self.axes, digits, self.ROUNDED * digits)
         stated = ~np.any(np.isnan(trajectory.positions), axis=1)
@@ -111,6 +111,6 @@ class Judge(ABC, Generic[FindingsT]):
         return self._failure(number, 0, breach.what, breach.value, breach.limit, line)
 
     def _at_line(self, trajectory: Trajectory, breach: Breach) -> Failure:
-        """Return the failure of a block that is no course's and no pass's own."""
+        """Return the failure of a block that belongs to no course or pass."""
         line = int(trajectory.lines[breach.block])
         return self._failure(0, 0, breach.what, breach.value, breach.limit, line)

@@ -1,4 +1,4 @@
-"""Limits: what a setup allows, resolved once and carried with the evidence."""
+"""Limits: the limits of a setup, resolved once and carried with the evidence."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Limit:
-    """What a quantity may be at most.
+    """The largest allowed value of a quantity.
 
     Attributes:
         value: in the unit of the quantity's key.
-        judged: False where the setup leaves the quantity free: it is measured, and fails nothing.
+        judged: False where the setup leaves the quantity free, so that it is measured and cannot fail.
     """
 
     value: float

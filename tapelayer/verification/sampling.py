@@ -1,4 +1,4 @@
-"""Sampling: how densely the judges look at a path between two block ends."""
+"""Sampling: how densely the judges sample a path between two block ends."""
 
 from __future__ import annotations
 
@@ -6,10 +6,15 @@ import numpy as np
 
 from tapelayer.arrays import Floats, Ints
 
-# Between two block ends the path is looked at this often, however short it is.
+# Least number of samples between two block ends, however close they are.
 LEAST_SAMPLES = 4
 
 
 def sample_counts(lengths: Floats, step: float) -> Ints:
-    """Return how often (n,) blocks of (n,) lengths are looked at, one every `step` metres at least."""
+    """Return the number of samples (n,) of blocks of (n,) lengths in metres, at least one every `step` metres.
+
+    Examples:
+        >>> sample_counts(np.array([0.001, 0.095]), step=0.01).tolist()
+        [4, 10]
+    """
     return np.maximum(LEAST_SAMPLES, np.ceil(lengths / step).astype(np.int64))

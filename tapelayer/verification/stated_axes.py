@@ -1,4 +1,4 @@
-"""Stated axes: a program says where every axis is before it moves by feed."""
+"""Stated axes: a program must state every axis before its first feed motion."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ UNSTATED = "unstated_axes"
 
 
 def unstated_axes(trajectory: Trajectory) -> list[Breach]:
-    """Return the first block that is no rapid and comes before every axis has been stated, where there is one."""
+    """Return the first block, if any, that is not a rapid and comes before every axis has been stated."""
     unknown = np.isnan(trajectory.positions)
     lost = np.any(unknown, axis=1) & (trajectory.kinds != Kind.RAPID)
     if not np.any(lost):

@@ -1,4 +1,4 @@
-"""Verified: a trajectory that passed verification, and the type that says so."""
+"""Verified: the type of a trajectory that passed verification."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ SHOWN_FAILURES = 10
 
 
 class Verdict(Protocol):
-    """What was measured on a trajectory, and whether it may be used."""
+    """The measurements on a trajectory, and whether it may be used."""
 
     @property
     def passed(self) -> bool:
-        """Whether everything holds."""
+        """Whether every limit is kept."""
 
     def worst(self, shown: int) -> str:
-        """The first failures in words, a line each, then a count."""
+        """Return the first failures in words, one per line, then a count of the rest."""
 
 
 Evidence_co = TypeVar("Evidence_co", bound=Verdict, covariant=True)
@@ -27,11 +27,11 @@ Evidence_co = TypeVar("Evidence_co", bound=Verdict, covariant=True)
 
 @dataclass(frozen=True, eq=False)
 class Verified(Generic[Evidence_co]):
-    """A trajectory that passed verification, with its evidence: what the writer of programs asks for.
+    """A trajectory that passed verification, with its evidence, as the program writer requires.
 
     Attributes:
-        trajectory: what was verified.
-        evidence: every number that was measured.
+        trajectory: the verified trajectory.
+        evidence: every measured number.
     """
 
     trajectory: Trajectory
@@ -41,7 +41,7 @@ class Verified(Generic[Evidence_co]):
         """Refuse a trajectory that failed.
 
         Raises:
-            VerificationFailed: something does not hold; its evidence tells all.
+            VerificationFailed: a limit or rule is broken; its evidence holds everything.
         """
         failure = failure_of(self.evidence)
         if failure:
@@ -49,5 +49,5 @@ class Verified(Generic[Evidence_co]):
 
 
 def failure_of(evidence: Verdict) -> VerificationFailed | None:
-    """The error that names the worst failures; None where everything holds."""
+    """Return the error that names the worst failures; None where every limit is kept."""
     return None if evidence.passed else VerificationFailed(evidence.worst(SHOWN_FAILURES), evidence)
