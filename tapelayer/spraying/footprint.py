@@ -213,11 +213,9 @@ def read_profile(path: Path) -> Profile:
             continue
         pair = _pair(words)
         if pair is None:
-            excerpt = line.strip()
-            excerpt = excerpt if len(excerpt) <= 40 else excerpt[:37] + "..."
-            faults.append(
-                InputFault(number, f"expected a radius in mm and a flux, two finite numbers, got {excerpt!r}")
-            )
+            given = line.strip()
+            given = given if len(given) <= 40 else given[:37] + "..."
+            faults.append(InputFault(number, f"expected a radius in mm and a flux, two finite numbers, got {given!r}"))
             continue
         if pair[1] < 0:
             faults.append(InputFault(number, f"expected a flux of 0 or more, got {pair[1]:g}"))
