@@ -1,4 +1,4 @@
-"""Course blocks: the head goes to a course, threads the tape, lays it while the knives cut, and leaves."""
+"""Course blocks: the blocks in which the head links to a course, threads the tape, lays and cuts it, and leaves."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tapelayer.motion.trajectory import Event
 from tapelayer.units import MM
 
 KNIVES = ("v", "d", "q", "e")
-# A move of more than this, in metres or radians, is one in the digits of every control.
+# A move of more than this, in metres or radians, shows in the written digits of every control.
 WRITTEN_MOVE = 1e-4
 KNIFE_EVENTS = {
     (1, Step.DOWN): Event.KNIFE_1_DOWN,
@@ -34,13 +34,13 @@ KNIFE_EVENTS = {
 
 @dataclass(frozen=True, eq=False)
 class LayingTask:
-    """What all courses of a program have in common.
+    """Everything that the courses of a program share.
 
     Attributes:
         setup: the job's values.
         machine: the gantry.
-        tape: where the courses lie on the tape, and the knives' steps.
-        link_height: of axis z on the way from course to course, metres.
+        tape: the stations of the courses on the tape, and the knives' steps.
+        link_height: value of axis z while linking from course to course, metres.
     """
 
     setup: Setup
@@ -50,42 +50,42 @@ class LayingTask:
 
     @cached_property
     def limits(self) -> Limits:
-        """Limits of all axes."""
+        """Return the limits of all axes."""
         return Limits.of(self.machine.axes)
 
     @cached_property
     def pose(self) -> list[int]:
-        """Columns of the axes that pose the head."""
+        """Return the columns of the axes that pose the head."""
         return [self.machine.column(name) for name in gantry.POSE]
 
     @cached_property
     def knives(self) -> list[int]:
-        """Columns of the knives' slides and blades."""
+        """Return the columns of the knives' slides and blades."""
         return [self.machine.column(name) for name in KNIVES]
 
     @cached_property
     def u(self) -> int:
-        """Column of the axis that feeds the tape."""
+        """Return the column of the axis that feeds the tape."""
         return self.machine.column("u")
 
     @property
     def lay_speed(self) -> float:
-        """Speed of the nip, m/s."""
+        """Return the speed of the nip, m/s."""
         return self.setup.process.lay_speed_mm_per_s * MM
 
     @property
     def thread_speed(self) -> float:
-        """Speed of the tape while the head is in the air, m/s."""
+        """Return the speed of the tape while the head is in the air, m/s."""
         return self.setup.process.thread_speed_mm_per_s * MM
 
     @property
     def lift(self) -> float:
-        """Metres along the head's normal from the surface to where a plunge begins."""
+        """Return the distance in metres along the head's normal from the surface to where a plunge begins."""
         return self.setup.process.approach_mm * MM
 
     @cached_property
     def delays(self) -> dict[Event, float]:
-        """Seconds from a word to its effect, of the events that have any."""
+        """Return the seconds from a word to its effect, for the events that have a delay."""
         given = self.setup.head.delays_ms
         shoe, roller, knife, heater = (ms * 1e-3 for ms in (given.shoe, given.roller, given.knife, given.heater))
         return {
@@ -94,55 +94,55 @@ class LayingTask:
         }
 
     def switching(self, stroke: Stroke, event: Event, node: int | None = None) -> Stroke:
-        """A stroke with an event at a node, the last one where none is given, its word ahead by its delay."""
+        """Return the stroke with an event at a node (the last one by default), its word earlier by its delay."""
         return stroke.switching(event, self.delays.get(event, 0.0), node)
 
     def knife_event(self, row: int) -> Event | None:
-        """What a step of the tape's plan switches, if anything."""
+        """Return the event that a step of the tape's plan switches, if any."""
         return KNIFE_EVENTS.get((int(self.tape.steps.knives[row]), Step(self.tape.steps.kinds[row])))
 
     def sweeping(self, course: int) -> bool:
-        """Whether a knife is down as the head goes to a course."""
+        """Return whether a knife is down while the head links to a course."""
         done = int(self.tape.laying[course - 1, 1]) if course else 0
         return self.tape.steps.settled(done) > done
 
     @property
     def every_axis(self) -> int:
-        """Bits of all axes, as a block states them."""
+        """Return the bit mask of all axes, for a block that states every one."""
         return (1 << len(self.machine.axes)) - 1
 
     def moved(self, joints: Floats, direction: Floats, distance: float) -> Floats:
-        """Joint values (k,) with the head moved along a direction (3,) in `machine` axes by metres."""
+        """Return joint values (k,) with the head moved by metres along a direction (3,) in `machine` axes."""
         moved = joints.copy()
         moved[self.pose[:3]] += gantry.slides(direction) * distance
         return moved
 
     def lifted(self, joints: Floats) -> Floats:
-        """Joint values (k,) with the head drawn off along its normal."""
+        """Return joint values (k,) with the head retracted along its normal."""
         return self.moved(joints, gantry.normals(joints[None, self.pose])[0], self.lift)
 
 
 def start_of(task: LayingTask) -> Floats:
-    """Return the joint values (k,) that the first course begins with: the knives as planned, all else 0."""
+    """Return the joint values (k,) before the first course: the knives as planned, all else 0."""
     joints = np.zeros(len(task.machine.axes))
     joints[task.knives] = task.tape.steps.poses[0]
     return joints
 
 
-def course_blocks(task: LayingTask, course: int, way: DrivenCourse, begin: Floats) -> PlannedBlocks:
+def course_blocks(task: LayingTask, course: int, driven: DrivenCourse, begin: Floats) -> PlannedBlocks:
     """Return the blocks of one course.
 
     Args:
-        task: what the courses have in common.
-        course: its index.
-        way: how the gantry goes along it.
-        begin: (k,) joint values after the course before; those of `start_of` for the first course.
+        task: everything that the courses share.
+        course: index of the course.
+        driven: the course as the gantry drives it.
+        begin: (k,) joint values after the previous course; those of `start_of` for the first course.
     """
     tape, parts = task.tape, []
-    joints = _joints(task, course, way, begin)
+    joints = _joints(task, course, driven, begin)
     approach = task.lifted(joints[0])
     approach[task.u], approach[task.knives] = begin[task.u], begin[task.knives]
-    # Before the first course nothing has stated where the axes stand.
+    # Before the first course no block has stated the axes' positions.
     at = begin if course else np.full_like(begin, np.nan)
     link = _link(task, at, approach)
     sweeping = task.sweeping(course)
@@ -157,43 +157,43 @@ def course_blocks(task: LayingTask, course: int, way: DrivenCourse, begin: Float
     elif tape.rolls[course] != tape.rolls[course - 1]:
         stroke = _fed(task, stroke, tape.changing[course], float(tape.roll_u[tape.rolls[course]]))
         stroke = task.switching(stroke, Event.STOP)
-        # The control stops for as long as it takes: no word for what follows may stand before.
+        # The control stops for as long as it takes: no word for what follows may come before the stop.
         parts.append(stroke_blocks(stroke, stroke.times(task.limits)))
         stroke = Stroke.begun(parts[-1].joints[-1])
     threading = tape.threading[course]
     stroke = _fed(task, stroke, threading, float(tape.threaded[course]))
     stroke = _fed(task, stroke, threading[1:].repeat(2), float(tape.begins[course]))
-    parts.append(_laid(task, course, way, joints, stroke))
+    parts.append(_laid(task, course, driven, joints, stroke))
     if sweeping:
-        # Without rapids the first block that moves by a written digit states every axis.
+        # Without rapids, the first block that moves by a written digit states every axis.
         moves = np.max(np.abs(np.diff(parts[0].joints, axis=0, prepend=begin[None])), axis=1) > WRITTEN_MOVE
         parts[0] = parts[0].stating(int(np.argmax(moves)), task.every_axis)
     return PlannedBlocks.joined(parts)
 
 
-def _joints(task: LayingTask, course: int, way: DrivenCourse, begin: Floats) -> Floats:
-    """All axes (n, k) at the block ends of a course: the pose with c by whole turns, the tape fed, knives zero."""
-    laid, c = way.laid, task.machine.column("c")
+def _joints(task: LayingTask, course: int, driven: DrivenCourse, begin: Floats) -> Floats:
+    """Return all axes (n, k) at the block ends of a course: pose with c by whole turns, tape fed, knives at 0."""
+    laid, c = driven.laid, task.machine.column("c")
     joints = np.zeros((len(laid.arc_lengths), len(begin)))
     joints[:, task.pose] = laid.joints
     joints[:, c] += _whole_turns(laid.joints[:, 3], begin[c], task.machine.axis("c"))
     fed = float(task.tape.stations[course]) + laid.arc_lengths + task.tape.head.knife_to_nip
-    joints[:, task.u] = fed - way.shortened
+    joints[:, task.u] = fed - driven.shortened
     return joints
 
 
 def _whole_turns(angles: Floats, near: float, axis: Axis) -> float:
-    """Whole turns, in radians, that bring angles (n,) into an axis's travel with their start nearest to `near`."""
+    """Return the whole turns, in radians, that put angles (n,) into an axis's travel, the first nearest to `near`."""
     turn = 2 * math.pi
     low, high = float(np.min(angles)), float(np.max(angles))
     nearest = round((near - float(angles[0])) / turn)
     fits = np.arange(math.ceil((axis.lower - low) / turn - 1e-12), math.floor((axis.upper - high) / turn + 1e-12) + 1)
-    # Where none fits, the nearest stays and the travel check names the axis.
+    # If no turn fits, keep the nearest: the travel check then names the axis.
     return turn * (float(fits[np.argmin(np.abs(fits - nearest))]) if len(fits) else nearest)
 
 
 def _link(task: LayingTask, at: Floats, approach: Floats) -> Floats:
-    """Joint values (3, k) on the way to a course: up, over, and down to the approach point."""
+    """Return the joint values (3, k) of the link to a course: up, over, and down to the approach point."""
     z = task.machine.column("z")
     up, over = at.copy(), approach.copy()
     up[z] = over[z] = task.link_height
@@ -201,7 +201,7 @@ def _link(task: LayingTask, at: Floats, approach: Floats) -> Floats:
 
 
 def _fed(task: LayingTask, stroke: Stroke, rows: Ints, target: float) -> Stroke:
-    """Feed the tape with the head in the air to `target` (metres), doing the steps of rows (2,) on the way."""
+    """Feed the tape with the head in the air to `target` (metres), with the steps of rows (2,) done meanwhile."""
     steps, u = task.tape.steps, task.u
     for row in range(*rows):
         if event := task.knife_event(row):
@@ -217,21 +217,21 @@ def _fed(task: LayingTask, stroke: Stroke, rows: Ints, target: float) -> Stroke:
     return stroke.to(joints, at_speed(abs(float(joints[u] - stroke.end[u])), task.thread_speed))
 
 
-def _laid(task: LayingTask, course: int, way: DrivenCourse, joints: Floats, stroke: Stroke) -> PlannedBlocks:
-    """Blocks of a stroke that has threaded the tape and goes on: down, along the course, off its end, and up.
+def _laid(task: LayingTask, course: int, driven: DrivenCourse, joints: Floats, stroke: Stroke) -> PlannedBlocks:
+    """Return the blocks of a stroke that has threaded the tape and goes down, along the course, off its end and up.
 
     Args:
-        task: what the courses have in common.
-        course: its index.
-        way: how the gantry goes along it.
-        joints: (n, k) joint values at its block ends but for the knives.
-        stroke: up to the approach point.
+        task: everything that the courses share.
+        course: index of the course.
+        driven: the course as the gantry drives it.
+        joints: (n, k) joint values at its block ends, knives not yet set.
+        stroke: the stroke up to the approach point.
     """
-    head, tape, length = task.setup.head, task.tape, way.length
+    head, tape, length = task.setup.head, task.tape, driven.length
     lag = head.aux_roller_lag_mm * MM
     run_out = lag if head.run_out == "tangent" else 0.0
     roller_down = min(lag, length + run_out)
-    laying = _laying(task, course, joints, way.laid.arc_lengths, roller_down)
+    laying = _laying(task, course, joints, driven.laid.arc_lengths, roller_down)
     touch = stroke.end.copy()
     touch[task.pose], touch[task.knives] = joints[0, task.pose], laying.joints[0, task.knives]
     stroke = stroke.to(touch, at_speed(task.lift, task.lay_speed))
@@ -242,7 +242,7 @@ def _laid(task: LayingTask, course: int, way: DrivenCourse, joints: Floats, stro
     stroke = task.switching(task.switching(stroke, Event.HEATER_OFF), Event.SHOE_UP)
     leave = stroke.end
     for distance in sorted({max(roller_down - length, 0.0), run_out}):
-        stroke = stroke.to(task.moved(leave, way.out, distance), at_speed(distance, task.lay_speed), length)
+        stroke = stroke.to(task.moved(leave, driven.out, distance), at_speed(distance, task.lay_speed), length)
     if lag > length and run_out:
         stroke = task.switching(stroke, Event.ROLLER_DOWN, len(stroke) - 2)
     stroke = task.switching(stroke, Event.ROLLER_UP)
@@ -254,19 +254,19 @@ def _laid(task: LayingTask, course: int, way: DrivenCourse, joints: Floats, stro
 
 
 def _laying(task: LayingTask, course: int, joints: Floats, arcs: Floats, roller_down: float) -> Stroke:
-    """Stroke along a course: its block ends, the tape's steps at their exact u, and the auxiliary roller set down.
+    """Return the stroke along a course: block ends, the tape's steps at their exact u, auxiliary roller lowered.
 
     Args:
-        task: what the courses have in common.
-        course: its index.
-        joints: (n, k) joint values at its block ends but for the knives.
+        task: everything that the courses share.
+        course: index of the course.
+        joints: (n, k) joint values at its block ends, knives not yet set.
         arcs: (n,) metres along the course at its block ends.
-        roller_down: metres along the course where the auxiliary roller goes down; beyond its end, that comes later.
+        roller_down: metres along the course where the auxiliary roller is lowered; beyond its end, not in this stroke.
     """
     steps, fed = task.tape.steps, joints[:, task.u]
     rows = np.arange(*task.tape.laying[course])
     kinds, ends = steps.kinds[rows], np.arange(len(arcs), dtype=np.float64)
-    # Nodes are counted in block ends passed; a step that falls on a block end is done there.
+    # Nodes are numbered in block ends passed; a step that falls on a block end is done there.
     passed = np.interp(steps.u[rows], fed, ends)
     near = np.rint(passed)
     passed = np.where(np.abs(fed[near.astype(np.int64)] - steps.u[rows]) <= TOUCH, near, passed)
@@ -281,11 +281,11 @@ def _laying(task: LayingTask, course: int, joints: Floats, arcs: Floats, roller_
 
     before = np.minimum(nodes.astype(np.int64), len(arcs) - 2)
     share = nodes - before
-    way = joints[before] + share[:, None] * (joints[before + 1] - joints[before])
+    values = joints[before] + share[:, None] * (joints[before + 1] - joints[before])
     travelled = arcs[before] + share * (arcs[before + 1] - arcs[before])
     done = int(task.tape.laying[course, 0]) + np.searchsorted(passed, nodes)
-    way[:, task.knives] = np.where((doing >= 0)[:, None], steps.poses[doing], steps.at(way[:, task.u], done))
-    stroke = Stroke(way, np.append(0.0, at_speed(np.diff(travelled), task.lay_speed)), travelled)
+    values[:, task.knives] = np.where((doing >= 0)[:, None], steps.poses[doing], steps.at(values[:, task.u], done))
+    stroke = Stroke(values, np.append(0.0, at_speed(np.diff(travelled), task.lay_speed)), travelled)
     for row, place in zip(rows, passed, strict=True):
         if event := task.knife_event(row):
             done_before = (nodes < place) | ((nodes == place) & (doing <= row))
@@ -296,7 +296,7 @@ def _laying(task: LayingTask, course: int, joints: Floats, arcs: Floats, roller_
 
 
 def _heated(task: LayingTask, stroke: Stroke, times: Floats, first: int, last: int) -> Stroke:
-    """The stroke with the heater off wherever its laying, from node `first` to `last`, stops for long."""
+    """Return the stroke with the heater off during long stops of its laying, from node `first` to `last`."""
     resting = np.diff(stroke.joints[first : last + 1, task.u]) == 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[0], resting.astype(np.int8), [0]])))
     for begin, end in (first + edges.reshape(-1, 2)).tolist():

@@ -1,4 +1,4 @@
-"""Course splines: the curves that a program is judged by, B-splines where the planner has piecewise polynomials."""
+"""Course splines: the curves that programs are judged by, B-splines unlike the planner's piecewise polynomials."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from tapelayer.arrays import Floats
 from tapelayer.geometry.toolpath import Toolpath
 from tapelayer.vectors import dot, unit
 
-# The nip's arc length is found from the tape fed to this accuracy, in metres.
+# Accuracy in metres to which the nip's arc length is solved from the tape fed.
 STATION_ACCURACY = 1e-10
 
 
 class CourseSpline:
-    """A course's curve as a B-spline: not-a-knot over arc length, 2 points a line, 3 a parabola.
+    """A course's curve as a B-spline: not-a-knot over arc length, a line for 2 points, a parabola for 3.
 
-    Before its start it is its start and beyond its end its end: a cubic has nothing to say out there.
+    It is constant before its start and beyond its end, where a cubic means nothing.
     """
 
     def __init__(self, path: Toolpath) -> None:
@@ -31,12 +31,12 @@ class CourseSpline:
         self._slopes = BSpline(self._spline.t, self._spline.c[:, :3], degree).derivative()
 
     def at(self, arc_lengths: Floats) -> Floats:
-        """Return points and normals (n, 6), the latter of any length, at (n,) arc lengths in metres."""
+        """Return points and normals of any length (n, 6) at (n,) arc lengths in metres."""
         values: Floats = self._spline(np.clip(arc_lengths, 0.0, self.length))
         return values
 
     def slopes(self, arc_lengths: Floats) -> Floats:
-        """Return tangents (n, 3) of about unit length at (n,) arc lengths in metres."""
+        """Return tangents (n, 3) of nearly unit length at (n,) arc lengths in metres."""
         slopes: Floats = self._slopes(np.clip(arc_lengths, 0.0, self.length))
         return slopes
 
@@ -47,7 +47,7 @@ class CourseSpline:
 
 @dataclass(frozen=True, eq=False)
 class CourseSplines:
-    """Curves of several courses, each with the rows of the samples along it; one after the other they are all rows."""
+    """Curves of several courses, each with the rows of its samples; together, in order, these are all the rows."""
 
     courses: Sequence[tuple[CourseSpline, slice]]
 
@@ -57,20 +57,20 @@ class CourseSplines:
         return values[:, :3], unit(values[:, 3:]), unit(self.slopes(arc_lengths))
 
     def slopes(self, arc_lengths: Floats) -> Floats:
-        """Return tangents (n, 3) of about unit length at (n,) arc lengths in metres."""
+        """Return tangents (n, 3) of nearly unit length at (n,) arc lengths in metres."""
         return np.concatenate([curve.slopes(arc_lengths[rows]) for curve, rows in self.courses])
 
     def under_nip(self, u: Floats, normals: Floats, headings: Floats, radius: float) -> tuple[Floats, Floats]:
-        """Return the nip's arc length (n,) by the tape fed since the course's start, and its angle (n,) on the roller.
+        """Return the nip's arc length (n,) for the tape fed since the course's start, and its angle (n,) on the roller.
 
-        The tape fed is u = s - R beta(s) beside a constant, and beta is measured between the head and the course's
-        tangent at s: solved for s by secants.
+        The tape fed is u = s - R beta(s) plus a constant, with beta measured between the head and the course's tangent
+        at s; it is solved for s by secants.
 
         Args:
             u: (n,) metres.
             normals: (n, 3) head normals, unit.
             headings: (n, 3) headings, unit.
-            radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
+            radius: of the roller that the tape wraps round, metres; 0 if the wrap is not compensated.
         """
 
         def wrap(arc_lengths: Floats) -> Floats:
@@ -85,7 +85,7 @@ class CourseSplines:
         wraps = wrap(fed)
         if radius == 0.0:
             return fed, wraps
-        # At its first sample a course is at its start, where no tape is fed.
+        # The first sample of a course is its start, where no tape has been fed.
         start = wraps[starts]
         before, residual_before = fed, radius * (start - wraps)
         arc_lengths = fed - residual_before

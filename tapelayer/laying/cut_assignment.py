@@ -1,7 +1,7 @@
-"""Stations: where the courses of a ply come to lie on the tape, and which knife makes which cut.
+"""Cut assignment: the station of each course of a ply on the tape, and the knife that makes each cut.
 
 A station is a length along the tape from its first leading edge towards the supply roll (see `tape_plan`).
-Course by course, every way to hand the sweeps out to the two knives is kept that reaches the smallest station.
+Course by course, the search keeps every assignment of sweeps to the two knives that reaches the smallest station.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import CourseLongerThanRoll, CutAngleTooSmall, CutsCross
 from tapelayer.laying.head import Head, check_head
 
-# Two lines that part by no more than this over the width and both clearances are one line.
+# Two lines that diverge by no more than this over the width and both clearances are one line.
 SAME_LINE = 1e-5
-# A raised move with no more feed than this to make it in is made with the tape at rest.
+# A raised move that has no more feed than this is made with the tape at rest.
 LEAST_FEED = 1e-5
 # A raised move takes the last metre of feed before its sweep: at 1 m/s a slide has a second for its travel.
 MOVE_FEED = 1.0
-# Rounding of u over kilometres of tape: what ends and what begins nearer than this touch.
+# Rounding of u over kilometres of tape: an end and a start closer together than this touch.
 TOUCH = 1e-9
 ANGLE_ROUNDING = 1e-9
 LEFT, RIGHT, EITHER = 1, -1, 0
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 
 def _cots(head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: Floats) -> Floats:
-    """Cotangents (n, 2) of the cut angles; refuses what cannot be cut."""
+    """Return the cotangents (n, 2) of the cut angles, and refuse what cannot be cut."""
     flat = np.minimum(cut_angles, math.pi - cut_angles)
     faulty = ~(flat >= head.minimum_cut_angle - ANGLE_ROUNDING)
     rows = np.flatnonzero(faulty.any(axis=1)).tolist()
@@ -60,7 +60,7 @@ def _cots(head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: Float
 
 
 class _Sweep(NamedTuple):
-    """A cut before a knife is found for it: cot(alpha), half its run in u (0 if square), where it starts, the blade."""
+    """A cut before a knife is assigned: cot(alpha), half its run in u (0 if square), its starting side, the blade."""
 
     cot: float
     half: float
@@ -69,7 +69,7 @@ class _Sweep(NamedTuple):
 
 
 class _Course(NamedTuple):
-    """A course before it has a station: its length, that with the tape from its end to the nip, its two sweeps."""
+    """A course before it has a station: its length, that plus the tape from its end to the nip, and its two sweeps."""
 
     length: float
     fed: float
@@ -78,7 +78,7 @@ class _Course(NamedTuple):
 
 
 class _Roll(NamedTuple):
-    """A roll: u at its leading edge and the highest u it can be fed to; knife 2 stands by `pitch` further up."""
+    """A roll: u at its leading edge and the highest u it can be fed to; knife 2 stands `pitch` upstream."""
 
     floor: float
     limit: float
@@ -86,7 +86,7 @@ class _Roll(NamedTuple):
 
 
 class AssignedCut(NamedTuple):
-    """A sweep that a knife (0 or 1) makes from u = begin to end, how it stood before, and the sweep before that."""
+    """A sweep by a knife (0 or 1) from u = begin to end, where the knife's last one left it, and the previous sweep."""
 
     knife: int
     begin: float
@@ -100,13 +100,13 @@ class AssignedCut(NamedTuple):
 
 
 class _State(NamedTuple):
-    """How the two knives stand after some sweeps.
+    """State of the two knives after some sweeps.
 
     Attributes:
         free: u from which each knife is free.
-        sides: where each stands.
-        blades: how each blade stands; NaN before the first sweep, which finds it as it needs it.
-        cost: waits, metres of feed that raised moves are short of, raised crossings, sweeps of knife 2.
+        sides: side of the tape on which each stands.
+        blades: angle of each blade; NaN before the first sweep, for which the blade is set up as needed.
+        cost: waits, metres of feed that raised moves lack, raised crossings, sweeps by knife 2.
         made: the last sweep.
     """
 
@@ -118,7 +118,7 @@ class _State(NamedTuple):
 
 
 class _Placement(NamedTuple):
-    """Where a course comes to lie, and every way the knives can do it: none where the roll does not hold it."""
+    """A course's place on the tape, and every state of the knives after it: none if the roll does not hold it."""
 
     station: float
     shared: bool
@@ -127,13 +127,13 @@ class _Placement(NamedTuple):
 
 
 class Assignment(NamedTuple):
-    """Courses and cuts on the tape, and the sweep that makes each cut.
+    """The courses and cuts on the tape, and the sweep that makes each cut.
 
     Attributes:
-        stations: (n,) metres, of each course's start.
+        stations: (n,) metres, station of each course's start.
         rolls: (n,) number of each course's roll, from 0.
         roll_u: (m,) metres, u at which each roll's leading edge stands at knife 1.
-        waste: (n, 3) metres before each course: for a new roll, by the formula, for the knives.
+        waste: (n, 3) metres wasted before each course: for a new roll, by the formula, for the knives.
         course_cuts: (n, 2) index of the cut at each course's start and end.
         cut_stations: (c,) metres, where each cut meets the centre line.
         cut_angles: (c,) radians.
@@ -158,7 +158,7 @@ _INITIAL = _State((0.0, 0.0), (LEFT, RIGHT), (math.nan, math.nan), (0, 0.0, 0, 0
 def assign_stations(
     head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: Floats, wraps: Floats
 ) -> Assignment:
-    """Stations and sweeps of a ply; arguments and errors as `tapelayer.laying.tape_plan.plan_tape`."""
+    """Return the stations and sweeps of a ply; arguments and errors as in `tapelayer.laying.tape_plan.plan_tape`."""
     check_head(head)
     cots = _cots(head, numbers, lengths, cut_angles)
     courses = [
@@ -169,7 +169,7 @@ def assign_stations(
         )
         for length, wrap, *ends in zip(lengths, wraps[:, 1], cut_angles, cots, strict=True)
     ]
-    # Whatever a knife did before this much tape, it has all the feed it needs for every sweep to come.
+    # A knife that finished its sweep this much tape ago has all the feed it needs for any sweep to come.
     past = float(np.max(np.abs(cots))) * head.half_sweep + head.knife_pitch + MOVE_FEED
     states: Sequence[_State] = [_INITIAL]
     stations: list[float] = []
@@ -180,29 +180,29 @@ def assign_stations(
     cut_stations: list[float] = []
     cut_owners: list[tuple[int, int]] = []
     end = laid = 0.0
-    # No roll is set yet: it holds nothing, so the first course starts one.
+    # There is no roll yet: an empty one makes the first course start a roll.
     roll, before = _Roll(0.0, -math.inf, head.knife_pitch), courses[0].lead
     for k, course in enumerate(courses):
         edge = end
-        lie = _following(head, states, course, before, end, roll)
-        if not lie.states:
-            # Every sweep of the old roll is finished, and its tape lies up to the nip, when a new one is set.
+        place = _following(head, states, course, before, end, roll)
+        if not place.states:
+            # A new roll comes when every sweep of the old one is finished and its tape is laid up to the nip.
             edge = max(laid, min(max(state.free) for state in states))
             roll = _Roll(edge, edge + head.roll_length - head.knife_pitch, head.knife_pitch)
             roll_u.append(edge)
-            lie = _leading(head, [state for state in states if max(state.free) <= edge], course, roll)
-            if not lie.states:
+            place = _leading(head, [state for state in states if max(state.free) <= edge], course, roll)
+            if not place.states:
                 raise _longer_than_roll(head, numbers, courses)
-        states = _distinct(lie.states, lie.station + course.length - past)
-        stations.append(lie.station)
+        states = _distinct(place.states, place.station + course.length - past)
+        stations.append(place.station)
         rolls.append(len(roll_u) - 1)
-        # The formula's share is exact; what is beyond it can miss zero by rounding.
-        waste.append((edge - end, lie.formula, max(0.0, lie.station - edge - lie.formula)))
-        if not lie.shared:
-            cut_stations.append(lie.station)
+        # The formula's share is exact; the rest can fall below zero by rounding.
+        waste.append((edge - end, place.formula, max(0.0, place.station - edge - place.formula)))
+        if not place.shared:
+            cut_stations.append(place.station)
             cut_owners.append((k, 0))
-        end = lie.station + course.length
-        laid = max(laid, lie.station + course.fed)
+        end = place.station + course.length
+        laid = max(laid, place.station + course.fed)
         before = course.trail
         course_cuts.append((len(cut_stations) - 1, len(cut_stations)))
         cut_stations.append(end)
@@ -237,7 +237,7 @@ def _sweep(head: Head, angle: float, cot: float) -> _Sweep:
 def _following(
     head: Head, states: Sequence[_State], course: _Course, before: _Sweep, end: float, roll: _Roll
 ) -> _Placement:
-    """A course after the one that ends at station `end` with the cut `before`, on the same roll."""
+    """Place a course on the same roll after the one that ends at station `end` with the cut `before`."""
     apart = abs(before.cot - course.lead.cot)
     one_line = 2.0 * head.half_sweep * apart <= SAME_LINE
     if one_line and end + course.fed <= roll.limit:
@@ -246,32 +246,32 @@ def _following(
             return _Placement(end, True, 0.0, reached)
     formula = head.tape_width / 2.0 * apart + head.scrap_margin
     station = max(end + formula, _lowest(states, course, roll))
-    # Cuts at one angle need no waste of their own: all of it is the knives'.
+    # Cuts at one angle need no waste by the formula: all of it is for the knives.
     return _Placement(station, False, 0.0 if one_line else formula, _cut(states, station, course, roll))
 
 
 def _leading(head: Head, states: Sequence[_State], course: _Course, roll: _Roll) -> _Placement:
-    """A roll's first course: the roll's leading edge is a square cut that it does not share."""
+    """Place the first course of a roll, whose leading edge is a square cut that is not shared."""
     formula = head.tape_width / 2.0 * abs(course.lead.cot) + head.scrap_margin
     station = max(roll.floor + formula, _lowest(states, course, roll))
     return _Placement(station, False, formula, _cut(states, station, course, roll))
 
 
 def _cut(states: Sequence[_State], station: float, course: _Course, roll: _Roll) -> Sequence[_State]:
-    """States after both sweeps of a course at `station`."""
+    """Return the states after both sweeps of a course at `station`."""
     if not station + course.fed <= roll.limit:
         return ()
     return _swept(_swept(states, station, course.lead, roll), station + course.length, course.trail, roll)
 
 
 def _swept(states: Sequence[_State], station: float, sweep: _Sweep, roll: _Roll) -> Sequence[_State]:
-    """States after a sweep over the line through `station`, by either knife that is free for it."""
+    """Return the states after a sweep along the line through `station`, by either knife that is free."""
     after = []
     for state in states:
         for knife in (0, 1):
             begin, free = station - sweep.half - roll.pitch * knife, state.free[knife]
             end = begin + 2.0 * sweep.half
-            # By rounding, a knife can be free a hair after its sweep begins.
+            # By rounding, a knife can become free a hair after its sweep begins.
             if begin < max(free, roll.floor) - TOUCH or end > roll.limit:
                 continue
             begin = max(begin, free, roll.floor)
@@ -305,7 +305,7 @@ def _with(pair: tuple[T, T], knife: int, value: T) -> tuple[T, T]:
 
 
 def _lowest(states: Sequence[_State], course: _Course, roll: _Roll) -> float:
-    """Smallest station at which a course's leading and trailing sweep both find a free knife."""
+    """Return the smallest station at which a knife is free for a course's leading and trailing sweep."""
     lowest = math.inf
     for state in states:
         for knife in (0, 1):
@@ -319,7 +319,7 @@ def _lowest(states: Sequence[_State], course: _Course, roll: _Roll) -> float:
 
 
 def _distinct(states: Sequence[_State], past: float) -> Sequence[_State]:
-    """The cheapest of the states that differ in nothing that sweeps from u = `past` on can tell."""
+    """Return the cheapest state of each group that no sweep from u = `past` on can tell apart."""
     cheapest: dict[tuple[object, ...], _State] = {}
     for state in states:
         known = tuple(
@@ -332,13 +332,13 @@ def _distinct(states: Sequence[_State], past: float) -> Sequence[_State]:
 
 
 def _longer_than_roll(head: Head, numbers: Sequence[int], courses: Sequence[_Course]) -> CourseLongerThanRoll:
-    """Every course that a new roll cannot feed up to its last point and its last cut."""
+    """Return the refusal of every course that a new roll cannot feed up to its last point and its last cut."""
     endless = _Roll(0.0, math.inf, head.knife_pitch)
     refused, sentences = [], []
     for number, course in zip(numbers, courses, strict=True):
-        lie = _leading(head, [_INITIAL], course, endless)
-        cut = min(max(state.free) for state in lie.states)
-        needed = max(cut, lie.station + course.fed) + head.knife_pitch
+        place = _leading(head, [_INITIAL], course, endless)
+        cut = min(max(state.free) for state in place.states)
+        needed = max(cut, place.station + course.fed) + head.knife_pitch
         if not needed <= head.roll_length:
             refused.append(number)
             sentences.append(

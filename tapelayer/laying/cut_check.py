@@ -1,4 +1,4 @@
-"""Cutting: what the knives of a program cut on the tape, found by forward kinematics, against what the courses ask."""
+"""Cut check: the cuts that a program makes, by forward kinematics, against the cuts that the courses need."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from tapelayer.units import DEG, MM
 from tapelayer.verification.failures import Failure
 
 KNIVES = (("knife_1", Event.KNIFE_1_DOWN, Event.KNIFE_1_UP), ("knife_2", Event.KNIFE_2_DOWN, Event.KNIFE_2_UP))
-# Two cuts that part by no more over the tape and both clearances are one line (docs: tape coordinates).
+# Two cuts that diverge by no more than this over the tape and both clearances are one line (docs: tape coordinates).
 SAME_LINE = 1e-5
-# What the last written digits of u can add to the tape drawn from a roll.
+# Largest rounding of the tape drawn from a roll, from the last written digits of u.
 ROLL_DIGIT = 2e-6
-# A knife farther off than this from every line that the courses ask for makes none of them.
+# A sweep farther than this from every line that the courses need makes none of these cuts.
 STRAY = 1e-3
 
 
 @dataclass(frozen=True)
 class _Line:
-    """A line that has to be cut: sigma(w) = station + w cot(angle); courses by index, -1 for none."""
+    """A line to be cut: sigma(w) = station + w cot(angle); courses by index, -1 for none."""
 
     station: float
     angle: float
@@ -37,7 +37,7 @@ class _Line:
 
 @dataclass(frozen=True, eq=False)
 class _KnifePass:
-    """A knife's way on the tape while it is down: (n,) stations, (n,) places across, (n, 2) blade directions."""
+    """A knife's path on the tape while it is down: (n,) stations, (n,) positions across, (n, 2) blade directions."""
 
     knife: int
     row: int
@@ -47,19 +47,19 @@ class _KnifePass:
     blades: Floats
 
     def off(self, line: _Line) -> float:
-        """Largest distance in metres from a line."""
+        """Return the largest distance in metres from a line."""
         away = self.stations - line.station - self.across / math.tan(line.angle)
         return float(np.max(np.abs(away))) * math.sin(line.angle)
 
     def turned(self, line: _Line) -> float:
-        """Largest angle in radians between blade and line."""
+        """Return the largest angle in radians between blade and line."""
         direction = np.array([-np.cos(line.angle), np.sin(line.angle)])
         across = self.blades[:, 0] * direction[1] - self.blades[:, 1] * direction[0]
         return float(np.max(np.abs(np.arctan2(across, self.blades @ direction))))
 
 
 def judge_cuts(case: Case) -> tuple[TapeLedger, list[Failure]]:
-    """Return the tape's ledger by the program itself, and what its cuts fail in."""
+    """Return the tape's ledger as the program makes it, and the failures of its cuts."""
     courses, edges = case.courses, _roll_edges(case)
     fresh = [not index or edges[index + 1] > edges[index] for index in range(len(courses))]
     lines = _lines(case, fresh)
@@ -71,7 +71,7 @@ def judge_cuts(case: Case) -> tuple[TapeLedger, list[Failure]]:
 
 
 def _roll_edges(case: Case) -> list[float]:
-    """Station of the first roll's leading edge, where u begins, then of each course's roll: u at the stop before it."""
+    """Return the station of the first roll's leading edge (the first u) and of each course's roll (u at its stop)."""
     trajectory, u = case.trajectory, case.fed
     stops = np.flatnonzero(trajectory.events == Event.STOP)
     edges = np.append(u[np.argmin(np.isnan(u))], u[stops + 1])
@@ -80,12 +80,12 @@ def _roll_edges(case: Case) -> list[float]:
 
 
 def _sweep_width(setup: Setup) -> float:
-    """Return how far across a knife goes in a sweep, in metres: the tape's width and both clearances."""
+    """Return how far across a knife sweeps, in metres: the tape's width and both clearances."""
     return (setup.tape.width_mm + 2 * setup.head.knife_clearance_mm) * MM
 
 
 def _lines(case: Case, fresh: Sequence[bool]) -> list[_Line]:
-    """Lines to be cut in the order of the tape; a cut that two courses share is one line."""
+    """Return the lines to be cut, in order along the tape; a cut that two courses share is one line."""
     sweep_width = _sweep_width(case.setup)
     lines: list[_Line] = []
     for index, course in enumerate(case.courses):
@@ -105,7 +105,7 @@ def _lines(case: Case, fresh: Sequence[bool]) -> list[_Line]:
 
 
 def _sweeps(case: Case) -> list[_KnifePass]:
-    """Everything that the knives do while they are down, in order."""
+    """Return the paths of the knives while they are down, in order of time."""
     trajectory, delay = case.trajectory, case.setup.head.delays_ms.knife * 1e-3
     sweeps = []
     for knife, (frame, down, up) in enumerate(KNIVES, 1):
@@ -116,7 +116,7 @@ def _sweeps(case: Case) -> list[_KnifePass]:
             begin = float(trajectory.times[row]) + delay
             end = float(trajectory.times[later[0]]) + delay if len(later) else trajectory.duration
             first, last = np.searchsorted(trajectory.times, [begin, max(begin, end)], side="right")
-            # The block in progress as the knife touches, every block's end from there on, the block as it lifts.
+            # The moment the knife touches, the end of every block until it lifts, and the moment it lifts.
             blocks = np.concatenate([[first], np.arange(first, last + 1)])
             moments = np.concatenate([[begin], trajectory.times[first:last], [max(begin, end)]])
             spans.append((knife, int(row), begin, blocks, moments))
@@ -129,7 +129,7 @@ def _sweeps(case: Case) -> list[_KnifePass]:
         joints = trajectory.within(blocks, np.clip(1.0 - left, 0.0, 1.0))
         poses = case.machine.forward_all(joints, ("tape", frame))
         tape, blade = poses["tape"], poses[frame]
-        # The knife's origin and blade in the tape's axes: station against x, across along y.
+        # The knife's origin and blade in the tape's axes: stations run against x, across along y.
         place = np.einsum("nji,nj->ni", tape[:, :3, :3], blade[:, :3, 3] - tape[:, :3, 3])
         turned = np.einsum("nji,nj->ni", tape[:, :3, :3], blade[:, :3, 1])[:, :2]
         parts = np.cumsum([len(moments) for *_, moments in spans])[:-1]
@@ -140,11 +140,11 @@ def _sweeps(case: Case) -> list[_KnifePass]:
 
 
 def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -> tuple[list[CutMade], list[Failure]]:
-    """Every line with the sweep that cuts it; lines not cut, cut again, or not well, and sweeps that cut no line."""
+    """Return the cuts made, and failures: lines not cut, cut twice or badly cut, and sweeps that cut no line."""
     trajectory, courses = case.trajectory, case.courses
     limits, sweep_width = case.setup.verification, _sweep_width(case.setup)
     stations = np.array([line.station for line in lines])
-    found: dict[int, list[_KnifePass]] = {}
+    by_line: dict[int, list[_KnifePass]] = {}
     failures = []
     for sweep in sweeps:
         line_number = int(trajectory.lines[sweep.row])
@@ -155,15 +155,15 @@ def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -
             off = min(offs, default=np.inf) / MM
             failures.append(Failure(0, 0, f"knife_{sweep.knife}_off_every_cut_mm", off, STRAY / MM, line_number))
             continue
-        found.setdefault(int(near[int(np.argmin(offs))]), []).append(sweep)
+        by_line.setdefault(int(near[int(np.argmin(offs))]), []).append(sweep)
     fed = trajectory.positions[:, trajectory.column("u")]
     made = []
     for index, line in enumerate(lines):
         owner = line.ending if line.ending >= 0 else line.starting
         course, point = courses[owner].number, courses[owner].points if line.ending >= 0 else 1
-        by = found.get(index, [])
+        by = by_line.get(index, [])
         if len(by) != 1:
-            # Where it is made again, or where the tape goes by without it.
+            # The block that cuts it again, or that feeds the tape past it uncut.
             block = by[1].row if by else int(np.argmax(fed >= line.station))
             failures.append(Failure(course, point, "cuts_made", len(by), 1, int(trajectory.lines[block])))
             continue
@@ -196,7 +196,7 @@ def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -
 def _ledger(
     case: Case, fresh: Sequence[bool], edges: Sequence[float], lines: Sequence[_Line], made: Sequence[CutMade]
 ) -> tuple[list[LedgerRow], list[Failure]]:
-    """Tape by course, and courses whose cuts lie closer than the angles allow."""
+    """Return the tape by course, and failures of courses whose cuts lie closer together than the angles allow."""
     trajectory, courses, setup = case.trajectory, case.courses, case.setup
     width, margin = setup.tape.width_mm * MM, setup.head.scrap_margin_mm * MM
     shared = {line.starting for line in lines if line.ending >= 0}
@@ -220,7 +220,7 @@ def _ledger(
                 station=course.station,
                 waste_roll=left,
                 waste_formula=formula,
-                # What rounding leaves below the formula is no waste of the knives'.
+                # A rounding error below the formula is no negative waste.
                 waste_knives=max(knives, 0.0),
                 laying_stops=_stops(trajectory, course),
                 cuts=tuple(cut.block for cut in made if course.number in (cut.starting, cut.ending)),
@@ -231,7 +231,7 @@ def _ledger(
 
 
 def _stops(trajectory: Trajectory, course: Laid) -> int:
-    """Number of places where the tape rests while a course is laid."""
+    """Return the number of places where the tape rests while a course is laid."""
     first, last = np.searchsorted(trajectory.times, [course.begin, course.end], side="right")
     rows = np.arange(first, min(last, len(trajectory)))
     rows = rows[trajectory.durations[rows] > 0.0]
@@ -241,7 +241,7 @@ def _stops(trajectory: Trajectory, course: Laid) -> int:
 
 
 def _rolls(case: Case) -> list[Failure]:
-    """Rolls from which more tape is drawn, up to knife 2 when it comes in and when it runs out, than they hold."""
+    """Return failures of rolls that supply more tape, up to knife 2 at their start and end, than they hold."""
     trajectory, length, u = case.trajectory, case.setup.tape.roll_length_m, case.fed
     stops = np.flatnonzero(trajectory.events == Event.STOP) + 1
     known = int(np.argmin(np.isnan(u)))
@@ -258,7 +258,7 @@ def _rolls(case: Case) -> list[Failure]:
 
 
 def _shares(case: Case) -> tuple[float, float, float]:
-    """Seconds that the program lays, threads, and does everything else."""
+    """Return the seconds that the program spends laying, threading, and on everything else."""
     trajectory, courses = case.trajectory, case.courses
     laying = sum(course.end - course.begin for course in courses)
     outside = trajectory.kinds == Kind.LINEAR

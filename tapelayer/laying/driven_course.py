@@ -1,4 +1,4 @@
-"""Driven course: a course as the gantry goes along it, block end by block end."""
+"""Driven course: the gantry's poses at the block ends of a course."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from tapelayer.units import DEG, MM
 
 @dataclass(frozen=True, eq=False)
 class DrivenCourse:
-    """A course as the gantry goes along it: poses at its block ends and the direction in which it leaves.
+    """A course as the gantry drives it: the poses at its block ends and the direction in which it leaves.
 
     Attributes:
-        path: in `machine` axes.
+        path: the course in `machine` axes.
         laid: poses at the block ends.
         shortened: (n,) metres by which the tape path to the nip is shorter than on a level surface.
         out: (3,) unit tangent at the end, `machine` axes.
@@ -33,18 +33,18 @@ class DrivenCourse:
 
     @property
     def length(self) -> float:
-        """Metres along the course."""
+        """Return the length of the course in metres."""
         return float(self.laid.arc_lengths[-1])
 
 
 def driven_course(path: Toolpath, setup: Setup, lengths: gantry.Lengths, radius: float) -> DrivenCourse:
-    """Return a course as the gantry goes along it.
+    """Return a course as the gantry drives it.
 
     Args:
-        path: in `machine` axes.
+        path: the course in `machine` axes.
         setup: the job's values.
         lengths: of the head, metres.
-        radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
+        radius: of the roller that the tape wraps round, metres; 0 if the wrap is not compensated.
 
     Raises:
         PoseUndefined: a point has no roller pose.

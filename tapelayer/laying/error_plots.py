@@ -1,4 +1,4 @@
-"""Plots of a page: errors along the courses, axis positions and speeds over time."""
+"""Error plots: the errors along the courses, drawn for the report's page."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tapelayer.reporting.drawing import Panel, PlotCurve, element, extent, headi
 from tapelayer.reporting.quantity import Quantity, quantities
 from tapelayer.units import DEG, MM
 
-# Courses with plots of their own; beyond them the page gives a count.
+# Number of courses with plots of their own; the page counts the others.
 SHOWN_COURSES = 40
 PLOTS_A_LINE = 4
 STYLES = ("first", "second")
@@ -21,7 +21,7 @@ PLOTTED = [row for row in quantities(ROWS) if row.curves]
 
 
 def course_plots(evidence: Evidence) -> list[Element]:
-    """Return plots of errors along the courses; where courses are many, of the ones that come nearest to a limit."""
+    """Return plots of the errors along the courses; of many courses, only those that come nearest to a limit."""
     samples, limits = evidence.samples, evidence.limits
     if not len(samples.courses):
         return [element("p", "Nothing was measured along the courses.", class_="note")]
@@ -35,7 +35,7 @@ def course_plots(evidence: Evidence) -> list[Element]:
     )
     shares = np.where(np.isfinite(shares), shares, np.inf)
     order = np.argsort(-shares, kind="stable")
-    shown = np.sort(order[:SHOWN_COURSES])
+    chosen = np.sort(order[:SHOWN_COURSES])
     curves = {row.key: _curves(row, samples) for row in PLOTTED}
     ranges = {key: range_of(lines, [-limits[key].value, limits[key].value]) for key, lines in curves.items()}
     ends = np.append(starts[1:], len(samples.courses))
@@ -48,7 +48,7 @@ def course_plots(evidence: Evidence) -> list[Element]:
             class_="note",
         )
     ]
-    for row in shown:
+    for row in chosen:
         part = slice(int(starts[row]), int(ends[row]))
         nodes.append(_course_figure(evidence, part, curves, ranges))
     rest = order[SHOWN_COURSES:]
@@ -57,7 +57,7 @@ def course_plots(evidence: Evidence) -> list[Element]:
         nodes.append(
             element(
                 "p",
-                f"Shown are the {len(shown)} courses that come nearest to a limit; of the other {len(rest):,} "
+                f"Shown are the {len(chosen)} courses that come nearest to a limit; of the other {len(rest):,} "
                 + (f"none reaches more than {most:.1%} of one." if math.isfinite(most) else "some were not measured."),
                 class_="note",
             )
@@ -66,12 +66,12 @@ def course_plots(evidence: Evidence) -> list[Element]:
 
 
 def _scale(row: Quantity[Evidence]) -> float:
-    """From the samples' metres or radians to the row's unit."""
+    """Return the factor from the samples' metres or radians to the row's unit."""
     return 1 / DEG if row.unit == "deg" else 1 / MM
 
 
 def _curves(row: Quantity[Evidence], samples: Samples) -> list[PlotCurve]:
-    """Lines of a quantity's plot over arc length, in its unit."""
+    """Return the curves of a quantity's plot over arc length, in its unit."""
     arcs = samples.arc_lengths / MM
     return [
         PlotCurve(style, arcs, getattr(samples, field) * _scale(row))
@@ -82,32 +82,32 @@ def _curves(row: Quantity[Evidence], samples: Samples) -> list[PlotCurve]:
 def _course_figure(
     evidence: Evidence, part: slice, curves: dict[str, list[PlotCurve]], ranges: dict[str, tuple[float, float]]
 ) -> Element:
-    """One course's errors: plots beside each other under its number and its worst place."""
+    """Return the plots of one course's errors, captioned with its number and its worst place."""
     samples = evidence.samples
     number = evidence.tape.rows[int(samples.courses[part.start])].course
     arcs = samples.arc_lengths[part] / MM
-    placed = np.isfinite(arcs)
+    known = np.isfinite(arcs)
     nodes: list[Element] = []
     for place, row in enumerate(PLOTTED):
         limit = evidence.limits[row.key]
         down, across = divmod(place, PLOTS_A_LINE)
-        panel = Panel(48 + 252 * across, 18 + 106 * down, 194, 70, extent(arcs[placed]), ranges[row.key])
-        lines = [PlotCurve(curve.style, arcs[placed], curve.y[part][placed]) for curve in curves[row.key]]
+        panel = Panel(48 + 252 * across, 18 + 106 * down, 194, 70, extent(arcs[known]), ranges[row.key])
+        lines = [PlotCurve(curve.style, arcs[known], curve.y[part][known]) for curve in curves[row.key]]
         names = [(f"{name} ", style) for style, (name, _) in zip(STYLES, row.curves, strict=False)]
         nodes += panel.drawn(heading_of(*names, (row.unit, "")), lines, [-limit.value, limit.value], limit.judged)
-    measured = placed & np.all(
+    measured = known & np.all(
         [np.isfinite(curve.y[part]) for panel_curves in curves.values() for curve in panel_curves], axis=0
     )
     if np.all(measured):
         errors = samples.position_errors[part] / MM
         worst = int(np.argmax(errors))
-        told = (
+        words = (
             f"{arcs[-1]:,.1f} mm; largest position error {errors[worst]:.4f} mm at {arcs[worst]:,.1f} mm, "
             f"x {samples.nips[part][worst, 0] / MM:,.1f}  y {samples.nips[part][worst, 1] / MM:,.1f} mm"
         )
     else:
-        told = f"{np.sum(~measured):,} of {len(arcs):,} samples were not measured and are not drawn"
-    caption = element("figcaption", element("b", f"Course {number}"), f"  {told}")
+        words = f"{np.sum(~measured):,} of {len(arcs):,} samples were not measured and are not drawn"
+    caption = element("figcaption", element("b", f"Course {number}"), f"  {words}")
     return element(
         "figure",
         caption,

@@ -1,4 +1,4 @@
-"""Evidence: every number that verification measured on a program."""
+"""Evidence: every number that verification measured on a tape-laying program."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tapelayer.verification.failures import Findings
 
 @dataclass(frozen=True, eq=False)
 class Samples(SampleTable):
-    """What was measured along the courses; rows are samples in laying order.
+    """Measurements along the courses; rows are samples in laying order.
 
     Attributes:
         courses: (n,) index of the course.
-        arc_lengths: (n,) metres along the course, by the tape fed.
+        arc_lengths: (n,) metres along the course, from the tape fed.
         times: (n,) seconds from the program's start.
         nips: (n, 3) the course's point under the nip, `machine` axes, metres.
         normal_errors: (n,) contact off the course along the normal, metres.
@@ -25,10 +25,10 @@ class Samples(SampleTable):
         tape_errors: (n,) nip ahead of the tape fed, metres.
         tilts: (n,) roller axis out of the tangent plane, radians.
         heading_errors: (n,) roller axis off square to the travel, in the tangent plane, radians.
-        pitches: (n,) angle between head normal and surface normal that the round roller takes up, radians.
+        pitches: (n,) angle between head normal and surface normal that the round roller absorbs, radians.
         wraps: (n,) angle of the nip round the roller, radians.
-        offsets: (n,) roller centre off its exact place, metres.
-        block_ends: (n,) True where a block ends, False between.
+        offsets: (n,) roller centre off its exact position, metres.
+        block_ends: (n,) True at block ends, False within blocks.
     """
 
     EMPTY: ClassVar = {"courses": np.zeros(0, np.int64), "nips": np.zeros((0, 3)), "block_ends": np.zeros(0, np.bool_)}
@@ -49,14 +49,14 @@ class Samples(SampleTable):
 
     @property
     def position_errors(self) -> Floats:
-        """Distance (n,) of the contact from the course, in the plane across the travel, metres."""
+        """Return the distance (n,) of the contact from the course, in the plane across the travel, metres."""
         errors: Floats = np.hypot(self.normal_errors, self.lateral_errors)
         return errors
 
 
 @dataclass(frozen=True)
 class CutMade:
-    """A cut that the courses ask for, as the program makes it.
+    """A cut that the courses need, as the program makes it.
 
     Attributes:
         station: where its line meets the tape's centre line, metres.
@@ -64,8 +64,8 @@ class CutMade:
         ending: number of the course whose end it is, 0 for none.
         starting: number of the course whose start it is, 0 for none.
         knife: 1 or 2.
-        block: number (from 1) of the block that puts the knife down.
-        line: line of the program (from 1) with that block, 0 where it was not read.
+        block: number (from 1) of the block that lowers the knife.
+        line: line of the program (from 1) with that block, 0 if the program was not read back.
         error: largest distance of the knife from the line, metres.
         blade_error: largest angle between blade and line, radians.
     """
@@ -83,17 +83,17 @@ class CutMade:
 
 @dataclass(frozen=True)
 class LedgerRow:
-    """A course's tape, in metres.
+    """The tape of one course, in metres.
 
     Attributes:
         course: its number in the file.
-        length: laid.
-        station: of its start on the tape.
-        waste_roll: left between knife and nip for a new roll before it.
-        waste_formula: before it, that the angles and the scrap margin ask for.
-        waste_knives: before it, until every sweep finds a free knife.
-        laying_stops: places where the tape rests while it is laid.
-        cuts: blocks (from 1) that put a knife down for its two ends.
+        length: laid length.
+        station: station of its start.
+        waste_roll: wasted before it between knife and nip, for a new roll.
+        waste_formula: wasted before it for the angles and the scrap margin.
+        waste_knives: wasted before it until a knife is free for every sweep.
+        laying_stops: number of places where the tape rests while it is laid.
+        cuts: blocks (from 1) that lower a knife for its two ends.
     """
 
     course: int
@@ -108,15 +108,15 @@ class LedgerRow:
 
 @dataclass(frozen=True)
 class TapeLedger:
-    """What becomes of the tape.
+    """How the tape and the time of a program are used.
 
     Attributes:
-        rows: by course.
-        cuts: in the order of the tape.
+        rows: one per course.
+        cuts: in order along the tape.
         used: metres from the first leading edge to the last course's end.
         laying: seconds with the shoe down.
         threading: seconds of feeding with the shoe up.
-        linking: seconds of everything else.
+        linking: seconds of everything else, links above all.
     """
 
     rows: tuple[LedgerRow, ...]
@@ -128,21 +128,21 @@ class TapeLedger:
 
     @property
     def waste(self) -> float:
-        """Tape used and not laid, in metres."""
+        """Return the tape used and not laid, in metres."""
         return self.used - sum(row.length for row in self.rows)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence(Findings):
-    """Every number that was measured on a tape-laying program, in metres, radians and seconds.
+    """Every number measured on a tape-laying program, in metres, radians and seconds.
 
     Attributes:
-        courses: courses in the file.
-        points: points in the file.
-        laid_length: of all courses.
-        tape_taken_back: longest run of the tape backwards between courses.
-        least_link_clearance: of the roller above the highest course point, while the head goes from course to course.
-        samples: along the courses, at blocks and between.
+        courses: number of courses in the file.
+        points: number of points in the file.
+        laid_length: length of all courses.
+        tape_taken_back: longest backward run of the tape between courses.
+        least_link_clearance: least height of the roller above the highest course point while linking.
+        samples: along the courses, at block ends and within blocks.
         tape_width: metres.
         roller_radius: metres.
         tape: the tape's ledger.

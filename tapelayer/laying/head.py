@@ -1,4 +1,4 @@
-"""Head: the measures of the tape head that the plan of the tape needs."""
+"""Head: the dimensions of the tape head that planning the tape needs."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from tapelayer.units import DEG, MM
 
 @dataclass(frozen=True)
 class Head:
-    """The tape head's measures, in metres and radians.
+    """The tape head's dimensions, in metres and radians.
 
     Attributes:
         tape_width: width of the tape.
         knife_to_nip: tape path from knife 1 to the nip on a level surface.
-        knife_pitch: knife 2 stands upstream of knife 1 by this.
-        knife_clearance: a sweep's run beyond both edges of the tape.
-        scrap_margin: least waste between two cuts that are not one.
+        knife_pitch: distance of knife 2 upstream of knife 1.
+        knife_clearance: how far a sweep runs beyond both edges of the tape.
+        scrap_margin: least waste between two cuts that are not shared.
         blade_length: least distance between the two blades.
         travel_v: lower and upper end of knife 1's slide, left positive.
         travel_q: lower and upper end of knife 2's slide, left positive.
@@ -42,16 +42,16 @@ class Head:
 
     @property
     def half_sweep(self) -> float:
-        """Distance from the centre line to a sweep's start and end, in metres."""
+        """Return the distance from the centre line to a sweep's start and end, in metres."""
         return self.tape_width / 2.0 + self.knife_clearance
 
 
 def check_head(head: Head) -> None:
-    """Refuse a head whose knives cannot cross the tape, or whose blades meet.
+    """Refuse a head whose knives cannot cross the tape or whose blades would meet.
 
     Raises:
         TapeWiderThanTravel: a sweep needs more than a slide's travel.
-        BladesMeet: the knives stand nearer to each other than their blades are long.
+        BladesMeet: the knives are closer together than their blades are long.
     """
     half = head.half_sweep
     for axis, knife, (lower, upper) in (("v", 1, head.travel_v), ("q", 2, head.travel_q)):
@@ -70,7 +70,7 @@ def check_head(head: Head) -> None:
 
 
 def head_of(setup: Setup, machine: Machine) -> Head:
-    """The tape head's measures: the knives' pitch and travel from the machine, the rest from the setup."""
+    """Return the tape head's dimensions: the knives' pitch and travel from the machine, the rest from the setup."""
     origins = machine.forward_all(np.zeros((1, len(machine.axes))), ("knife_1", "knife_2", "tape"))
     apart = origins["knife_1"][0, :3, 3] - origins["knife_2"][0, :3, 3]
     v, q = machine.axis("v"), machine.axis("q")

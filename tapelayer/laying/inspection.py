@@ -1,4 +1,4 @@
-"""Verification of laying: a trajectory against its courses, through Pinocchio on the URDF."""
+"""Inspection: a tape-laying trajectory against its courses, through Pinocchio on the URDF."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from tapelayer.verification.stated_axes import UNSTATED, unstated_axes
 from tapelayer.verification.switching import Switch, held, interrupted, unpaired
 from tapelayer.verification.verified import Verified
 
-# Inside a block that is straight in joint space the nip's speed varies by less than this share.
+# Within a block that is straight in joint space, the nip's speed varies by less than this share.
 NIP_SPEED_MARGIN = 0.01
-# Rounded feeds shift a switch against the motion by microseconds: tape that runs back no farther under it rests.
+# Rounded feeds shift a switch against the motion by microseconds: tape that runs back no farther counts as at rest.
 RUN_BACK = 1e-6
 _NO_TAPE = TapeLedger((), (), 0.0, 0.0, 0.0, 0.0)
 
@@ -45,26 +45,26 @@ def verify(
     machine: Machine,
     resolution: Floats | None = None,
 ) -> Verified[Evidence]:
-    """Verified trajectory, or the reasons why it is none.
+    """Return the verified trajectory, or raise its failures.
 
     Args:
         trajectory: planned, or read back from a program.
-        courses: what it has to lay, in the part's frame.
+        courses: the courses to be laid, in the part's frame.
         setup: the job's values.
         machine: the gantry, with the setup's limits already in it.
-        resolution: (k,) last written digit of each axis in metres and radians, for a program read back; its feed is
-            made from rounded end points, so a speed may exceed its limit by one digit a block.
+        resolution: (k,) last written digit of each axis in metres and radians, for a program read back; its feeds are
+            computed from rounded end points, so a speed may exceed its limit by one digit per block.
 
     Raises:
-        VerificationFailed: something does not hold; its evidence tells all.
+        VerificationFailed: there are failures; the exception holds the evidence.
     """
     return Inspector(courses, setup, machine).verify(trajectory, resolution)
 
 
 class Inspector(Judge[Evidence]):
-    """The courses of a job, made ready to judge trajectories by.
+    """Judge of trajectories for the courses of a job.
 
-    The courses' curves are B-splines here, so that the planner's piecewise polynomials are not their own judge.
+    The courses' curves are B-splines here, so that the planner's piecewise polynomials do not judge themselves.
 
     Args:
         courses: in the part's frame.
@@ -95,7 +95,7 @@ class Inspector(Judge[Evidence]):
         failures = [self._at_line(trajectory, breach) for breach in breaches]
         failures += self._number_of_courses(trajectory, layings)
         if not stated:
-            # Nothing can be measured on a program that does not say where it is.
+            # Nothing can be measured on a program that does not state its position.
             layings = []
         taken_back, feeding = self._feeding(trajectory, layings)
         samples, blocks, laid = self._measured(trajectory, layings[: len(self.curves)], tick)
@@ -129,7 +129,7 @@ class Inspector(Judge[Evidence]):
     def _measured(
         self, trajectory: Trajectory, layings: Sequence[Laying], tick: Tick
     ) -> tuple[Samples, Ints, list[Laid]]:
-        """Samples along the courses laid, the block (n,) of each, and how the courses lie on the tape."""
+        """Return the samples along the courses laid, the block (n,) of each, and the courses' places on the tape."""
         parts, blocks, laid = [], [np.zeros(0, np.int64)], []
         for batch in self._batches(layings):
             places = SamplePlaces.along(trajectory, layings, batch)
@@ -144,7 +144,7 @@ class Inspector(Judge[Evidence]):
         return Samples.joined(parts), np.concatenate(blocks), laid
 
     def _batches(self, layings: Sequence[Laying]) -> list[Ints]:
-        """Indices of the courses that are measured together: what they pass through stays in the cache."""
+        """Return the indices of the courses in each batch, small enough for its arrays to stay in the cache."""
         sizes = [
             LEAST_SAMPLES * (laying.last - laying.first) + curve.length / LAID_SAMPLE_STEP
             for laying, curve in zip(layings, self.curves, strict=False)
@@ -166,7 +166,7 @@ class Inspector(Judge[Evidence]):
         )
 
     def _samples(self, places: SamplePlaces, fed: Floats) -> Samples:
-        """Samples of some courses, at the places (n,) with the tape fed (n,) there, metres."""
+        """Return the samples of some courses at places (n,), with the tape fed (n,) there in metres."""
         pose = self.machine.columns(places.joints, "roller")
         centre = np.stack(np.broadcast_arrays(*pose.translation), axis=1)
         heading, left, normal = (
@@ -201,7 +201,7 @@ class Inspector(Judge[Evidence]):
         )
 
     def _judged(self, trajectory: Trajectory, samples: Samples, blocks: Ints, digits: Floats) -> list[Failure]:
-        """What the samples, with the block (n,) of each, fail in, course by course."""
+        """Return the failures of the samples, with the block (n,) of each, course by course."""
         if not len(blocks):
             return []
         limits = self.setup.verification
@@ -214,21 +214,21 @@ class Inspector(Judge[Evidence]):
             judged.append(("roller_tilt_deg", np.abs(samples.tilts) / DEG, limits.max_roller_tilt_deg))
         if not self.published or "max_heading_error_deg" in chosen:
             judged.append(("heading_error_deg", np.abs(samples.heading_errors) / DEG, limits.max_heading_error_deg))
-        # Where the nip is, is known from the tape fed to within the tolerance that blocks are laid out for.
+        # The tape fed gives the nip's position only to within the tolerance that blocks are laid out for.
         doubt = 2 * float(np.max(digits[self._slides])) + self.setup.process.tolerance_mm * MM
         speeds = self._lay_speeds(samples, doubt)
         lay_speed = self.setup.process.lay_speed_mm_per_s * (1 + NIP_SPEED_MARGIN)
         judged.append(("lay_speed_mm_per_s", speeds / MM, lay_speed))
-        found = []
+        worst = []
         for what, values, limit in judged:
             for row in _worst(samples.courses, values, limit).tolist():
-                found.append((row, what, float(values[row]), limit))
+                worst.append((row, what, float(values[row]), limit))
         for row in np.append(np.flatnonzero(np.diff(samples.courses)), len(blocks) - 1).tolist():
-            reach, length = float(samples.arc_lengths[row]), self.curves[samples.courses[row]].length
-            if not abs(reach - length) / MM <= limits.max_tape_error_mm:
-                found.append((row, "laid_length_mm", reach / MM, length / MM))
+            end, length = float(samples.arc_lengths[row]), self.curves[samples.courses[row]].length
+            if not abs(end - length) / MM <= limits.max_tape_error_mm:
+                worst.append((row, "laid_length_mm", end / MM, length / MM))
         failures = []
-        for row, what, value, limit in sorted(found, key=lambda failure: int(samples.courses[failure[0]])):
+        for row, what, value, limit in sorted(worst, key=lambda failure: int(samples.courses[failure[0]])):
             curve = self.curves[samples.courses[row]]
             point = curve.point(float(samples.arc_lengths[row]))
             failures.append(Failure(curve.path.number, point, what, value, limit, int(trajectory.lines[blocks[row]])))
@@ -236,20 +236,20 @@ class Inspector(Judge[Evidence]):
 
     @staticmethod
     def _lay_speeds(samples: Samples, doubt: float) -> Floats:
-        """Speed (n,) of the nip over each block, at its end, m/s, the way shortened by `doubt` metres; 0 elsewhere."""
+        """Return the nip's speed (n,) over each block, less `doubt` metres, m/s, at the block's end; elsewhere 0."""
         ends = np.flatnonzero(samples.block_ends)
-        ways, spans = np.diff(samples.arc_lengths[ends]), np.diff(samples.times[ends])
-        going = (np.diff(samples.courses[ends]) == 0) & (ways > 0.0)
+        distances, spans = np.diff(samples.arc_lengths[ends]), np.diff(samples.times[ends])
+        going = (np.diff(samples.courses[ends]) == 0) & (distances > 0.0)
         speeds = np.zeros(len(samples.times))
         with np.errstate(divide="ignore", invalid="ignore"):
-            speeds[ends[1:]] = np.where(going, (ways - doubt) / spans, 0.0)
+            speeds[ends[1:]] = np.where(going, (distances - doubt) / spans, 0.0)
         return speeds
 
     def _feeding(self, trajectory: Trajectory, layings: Sequence[Laying]) -> tuple[float, list[Failure]]:
-        """Longest run of the tape backwards, and where it runs back or is fed as it may not.
+        """Return the longest backward run of the tape in metres, and failures of how it runs back or is fed.
 
-        It never runs back under a shoe or knife, between courses no farther than to where the next one begins, and is
-        never fed along a course with the shoe up.
+        It must not run back under a shoe or knife, nor between courses farther than to the start of the next one, nor
+        be fed along a course with the shoe up.
         """
         u = trajectory.column("u")
         rows = np.arange(len(trajectory))
@@ -288,9 +288,9 @@ class Inspector(Judge[Evidence]):
 
 
 def _worst(courses: Ints, values: Floats, limit: float) -> Ints:
-    """Row of the worst place of each course, by the courses' rising indices (n,), where the values (n,) leave a limit.
+    """Return the row of the worst value (n,) of each course, by rising course indices (n,), that exceeds a limit.
 
-    NaN leaves every limit, and is worst.
+    NaN exceeds every limit and is the worst.
     """
     off = np.flatnonzero(~(values <= limit))
     worst = np.where(np.isnan(values[off]), np.inf, values[off])
@@ -299,7 +299,7 @@ def _worst(courses: Ints, values: Floats, limit: float) -> Ints:
 
 
 def _first_motion(trajectory: Trajectory) -> list[Breach]:
-    """Return a first motion that is more than z, where that is what a program begins with."""
+    """Return a breach if the first motion states more axes than z."""
     known = ~np.isnan(trajectory.positions)
     first = int(np.argmax(np.any(known, axis=1)))
     stated = int(known[first].sum())
@@ -307,7 +307,7 @@ def _first_motion(trajectory: Trajectory) -> list[Breach]:
 
 
 def _switches(delays: DelaySettings) -> dict[str, Switch]:
-    """Return what the head switches, by name."""
+    """Return the switches of the head by name."""
     switches = (
         Switch("shoe", Event.SHOE_DOWN, Event.SHOE_UP, delays.shoe),
         Switch("auxiliary_roller", Event.ROLLER_DOWN, Event.ROLLER_UP, delays.roller),

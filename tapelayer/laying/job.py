@@ -1,4 +1,4 @@
-"""Job of the tape layer: a course file becomes a program that was read back and judged."""
+"""Job: a course file becomes a program of the tape layer, read back and judged."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from urdf import TAPELAYER
 
 @dataclass(frozen=True, eq=False)
 class Job(MachineJob[None, Evidence]):
-    """What goes into a program of the tape layer.
+    """Everything that a program of the tape layer is made from.
 
     Attributes:
         courses: in the part's frame.
         setup: the job's values.
         machine: the gantry, with the setup's limits already in it.
         controller: the control's table.
-        provenance: what the program's header says of its sources.
+        provenance: the sources named in the program's header.
     """
 
     setup: Setup
@@ -68,12 +68,12 @@ class Job(MachineJob[None, Evidence]):
 
         Args:
             data: the file's bytes.
-            name: the file as messages call it; the program's header has the base name.
+            name: the file's name in messages; the program's header has the base name.
             setup: the job's values.
-            unit: of the file's numbers: course files are in mm.
+            unit: unit of the file's numbers: course files are in mm.
 
         Raises:
-            CourseFileRefused: the bytes are no course file.
+            CourseFileRefused: the bytes are not a course file.
             ControllerRefused: the setup's controller table cannot be used.
             ModelRefused: the setup's URDF cannot be used.
         """
@@ -89,16 +89,16 @@ class Job(MachineJob[None, Evidence]):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """All axes of the machine."""
+        """Return the names of all axes of the machine."""
         return self.machine.names
 
     @property
     def parts(self) -> int:
-        """How many courses there are."""
+        """Return the number of courses."""
         return len(self.courses)
 
     def planned(self, steps: Steps) -> tuple[None, Trajectory]:
-        """Return the planned trajectory; the courses themselves are what it is judged by.
+        """Return the planned trajectory, with no basis: it is judged against the courses themselves.
 
         Raises:
             TapelayerError: the job cannot be done on this machine.
@@ -108,7 +108,7 @@ class Job(MachineJob[None, Evidence]):
         return None, plan(self.courses, self.setup, self.machine, exclusive, steps.tick)
 
     def basis(self, steps: Steps) -> None:
-        """Return nothing: the courses themselves are what a program is judged by."""
+        """Return nothing: a program is judged against the courses themselves."""
 
     @cached_property
     def _inspector(self) -> Inspector:
@@ -127,16 +127,16 @@ class Job(MachineJob[None, Evidence]):
         remarks: tuple[str, ...],
         steps: Steps,
     ) -> LayingResult:
-        """Return what became of the job."""
+        """Return the result of the job."""
         return LayingResult(trajectory, evidence, text, remarks, self)
 
 
 @dataclass(frozen=True, eq=False)
 class LayingResult(JobResult[Evidence]):
-    """What became of a job of the tape layer.
+    """The result of a job of the tape layer.
 
     Attributes:
-        job: what it was made from.
+        job: the job that was done.
     """
 
     job: Job
@@ -150,11 +150,11 @@ class LayingResult(JobResult[Evidence]):
         return summary(ROWS, self.report(), self.evidence.limits)
 
     def page(self, title: str) -> str:
-        """Return the report as one HTML page with plots, called as the program is."""
+        """Return the report as one HTML page with plots; its title is the program's name."""
         return page.html(self.evidence, self.trajectory, self.report(), self.job.setup, title)
 
     def notes(self) -> tuple[str, ...]:
-        """Return what the published form leaves off, where it was used."""
+        """Return a note on the errors of the published form, if it was used."""
         if self.job.setup.process.kinematics != "published":
             return ()
         report = self.report()

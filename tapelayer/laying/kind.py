@@ -1,4 +1,4 @@
-"""Kind: the tape layer."""
+"""Kind: everything that the commands and the workbench need to know about the tape layer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laid: courses as a program lays them, and the case that their cuts and links make."""
+"""Laid: courses as a program lays them, and the case in which their cuts and links are judged."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class Laid(Frozen):
     """A course as the program lays it.
 
     Attributes:
-        number: in its file.
-        points: in its file.
+        number: its number in the file.
+        points: its number of points in the file.
         cut_angles: (start, end) radians from travel towards the left.
         length: metres.
-        station: of its start on the tape, metres, by the tape fed.
-        begin: seconds at which its laying begins.
-        end: seconds at which it ends.
+        station: station of its start, metres, from the tape fed.
+        begin: time at which its laying begins, seconds.
+        end: time at which its laying ends, seconds.
         out: (3,) unit tangent at its end, `machine` axes.
     """
 
@@ -42,16 +42,16 @@ class Laid(Frozen):
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What the cuts of a program, and its links from course to course, are judged by.
+    """Everything that the cuts of a program and its links from course to course are judged by.
 
     Attributes:
         trajectory: planned, or read back from a program; every axis stated before the first feed.
-        courses: as the program lays them, in order.
-        samples: along these courses.
+        courses: the courses as the program lays them, in order.
+        samples: the samples along these courses.
         highest: z of the highest course point, `machine` axes, metres.
         setup: the job's values.
         machine: the gantry, with the setup's limits already in it.
-        digits: (k,) last written digit of each axis, metres and radians; 0 where there is none.
+        digits: (k,) last written digit of each axis, metres and radians; 0 where nothing was written.
     """
 
     trajectory: Trajectory

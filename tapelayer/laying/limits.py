@@ -1,4 +1,4 @@
-"""Limits: what a laying setup allows."""
+"""Limits: the largest values that a laying setup allows."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LIMITED = (
     "max_cut_error_mm",
     "max_blade_error_deg",
 )
-# The published form leaves the roller's pose off: it is judged only where the setup itself sets a limit.
+# The published form does not hold the roller's pose exactly: it is judged only if the setup itself sets the limit.
 POSE = frozenset({"max_roller_tilt_deg", "max_heading_error_deg"})
 
 

@@ -1,4 +1,4 @@
-"""Linearisation: how few blocks, straight in joint space, follow a course within the tolerances."""
+"""Linearisation: the few blocks, straight in joint space, that follow a course within the tolerances."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from tapelayer.geometry.curves import Curve
 from tapelayer.geometry.toolpath import Toolpath
 from tapelayer.machines import gantry
 
-# A block is tried against the course at these fractions; its own ends are on the course.
+# A block is compared with the course at these fractions; its ends are on the course.
 TRIED = (np.arange(5) + 1.0) / 6.0
-# Blocks are laid out for part of the tolerance, so that few have to be split when they are tried.
+# Blocks are laid out for part of the tolerance, so that few have to be split afterwards.
 LAYOUT_SHARE = 0.8
 SHORTEST_BLOCK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Poses(SampleTable):
-    """The gantry along a course.
+    """Poses of the gantry along a course.
 
     Attributes:
         arc_lengths: (n,) metres along the course.
@@ -39,12 +39,12 @@ class CourseMotion:
     """A course as the gantry moves along it.
 
     Attributes:
-        toolpath: in `machine` axes.
-        curve: of the course.
+        toolpath: the course in `machine` axes.
+        curve: curve through the course.
         lengths: of the head.
         form: the closed form in use.
-        exact: whether it leads the roller's centre over the surface and holds its axis; the paper's leads its nose.
-        wrap_radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
+        exact: whether the form guides the roller's centre and holds its axis; the paper's form guides its nose.
+        wrap_radius: of the roller that the tape wraps round, metres; 0 if the wrap is not compensated.
         at_points: poses at the file's points.
     """
 
@@ -58,26 +58,26 @@ class CourseMotion:
 
     @property
     def lift(self) -> float:
-        """Metres from the surface to the tool point that the closed form leads."""
+        """Return the distance in metres from the surface to the tool point that the closed form guides."""
         return self.lengths.radius if self.exact else 0.0
 
     def poses(self, arc_lengths: Floats) -> Poses:
-        """Poses at (n,) arc lengths in metres, increasing.
+        """Return the poses at (n,) increasing arc lengths in metres.
 
         Raises:
             PoseUndefined: a point has no roller pose.
         """
         joints, wrap = _solved(self.form, self.toolpath, arc_lengths, *self.curve.at(arc_lengths))
-        # Every sample goes to the turn of the file's points around it.
+        # Every sample takes the turn of the file's points around it.
         near = np.interp(arc_lengths, self.curve.knots, self.at_points.joints[:, 3])
         joints[:, 3] += np.round((near - joints[:, 3]) / (2 * np.pi)) * (2 * np.pi)
         return Poses(arc_lengths, joints, wrap)
 
     def deviations(self, joints: Floats, arc_lengths: Floats) -> tuple[Floats, Floats, Floats]:
-        """How far joint values (n, 5) are from the course at (n,) arc lengths.
+        """Return how far joint values (n, 5) are off the course at (n,) arc lengths.
 
         Returns:
-            (n,) tool point, metres; (n,) roller axis, radians; (n,) wrap angles at these joint values, radians.
+            Tool point (n,), metres; roller axis (n,), radians; wrap angles (n,) at these joint values, radians.
         """
         points, normals, tangents = self.curve.at(arc_lengths)
         shift = gantry.tool_points(self.lengths, self.lengths.l6 - self.lift, joints) - points - self.lift * normals
@@ -89,7 +89,7 @@ class CourseMotion:
         return _norms(shift), _norms(turn), wraps
 
     def effects(self, joints: Floats, changes: Floats) -> tuple[Floats, Floats]:
-        """What small changes (n, 5) of joint values (n, 5) do: (n,) to the tool point, (n,) to the roller axis."""
+        """Return how far small changes (n, 5) of joint values (n, 5) move the tool point (n,) and roller axis (n,)."""
         shift, turn = gantry.tool_effects(self.lengths, self.lengths.l6 - self.lift, joints, changes)
         return _norms(shift), _norms(turn) if self.exact else np.zeros(len(joints))
 
@@ -100,10 +100,10 @@ def course_motion(
     """Return a course as the gantry moves along it.
 
     Args:
-        toolpath: in `machine` axes.
+        toolpath: the course in `machine` axes.
         lengths: of the head.
         kinematics: the closed form in use.
-        wrap_radius: of the roller that the tape is wrapped round, metres; 0 where the wrap is not compensated.
+        wrap_radius: of the roller that the tape wraps round, metres; 0 if the wrap is not compensated.
 
     Raises:
         PoseUndefined: a point has no roller pose.
@@ -117,14 +117,14 @@ def course_motion(
 
 
 def nearest_point(toolpath: Toolpath, arc_length: float) -> int:
-    """Return the number (from 1) of the file's point nearest to an arc length in metres, 0 at the first point."""
+    """Return the number (from 1) of the file's point nearest to an arc length in metres from the first point."""
     return int(np.argmin(np.abs(toolpath.arc_lengths - toolpath.arc_lengths[0] - arc_length))) + 1
 
 
 def _solved(
     form: gantry.ClosedForm, toolpath: Toolpath, arc_lengths: Floats, points: Floats, normals: Floats, tangents: Floats
 ) -> tuple[Floats, Floats]:
-    """Joint values (n, 5) and wrap angles (n,) at arc lengths (n,) with their points, normals and tangents (n, 3)."""
+    """Return joint values (n, 5) and wrap angles (n,) at arc lengths (n,) with points, normals and tangents (n, 3)."""
     joints = form.joints(points, normals, tangents)
     lost = np.flatnonzero(~np.all(np.isfinite(joints), axis=1))
     if len(lost):
@@ -137,12 +137,12 @@ def _solved(
 
 
 def block_ends(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Poses:
-    """Poses at the block ends of a course, from its start to its end.
+    """Return the poses at the block ends of a course, from its start to its end.
 
     Args:
         motion: the course.
-        tolerance: how far the contact may leave the course between block ends, metres.
-        axis_tolerance: how far the roller axis may leave its direction, radians.
+        tolerance: largest deviation of the contact from the course between block ends, metres.
+        axis_tolerance: largest deviation of the roller axis from its direction, radians.
 
     Raises:
         PoseUndefined: a point has no roller pose, or the tolerances cannot be kept by any block.
@@ -157,7 +157,7 @@ def block_ends(motion: CourseMotion, tolerance: float, axis_tolerance: float) ->
 
 
 def _laid_out(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Floats:
-    """Block ends by the chord-error law: over a length h the error is (h^2 / 8) times the second derivative."""
+    """Return block ends by the chord-error law: over a length h the error is (h^2 / 8) times the second derivative."""
     knots = motion.curve.knots
     share = _chord_load(motion, tolerance * LAYOUT_SHARE, axis_tolerance * LAYOUT_SHARE) * np.diff(knots)
     pieces = np.maximum(np.ceil(share), 1.0).astype(np.int64)
@@ -165,13 +165,13 @@ def _laid_out(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> 
     part = (np.arange(len(first)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[first]
     candidates = np.append(knots[first] + part * np.diff(knots)[first], knots[-1])
     load = np.concatenate([[0.0], np.cumsum((share / pieces)[first])])
-    # A block ends at the last candidate before its load is full.
+    # A block ends at the last candidate before its load reaches 1.
     spent = np.floor(load[1:-1])
     return np.concatenate([knots[:1], candidates[1:-2][spent[1:] > spent[:-1]], knots[-1:]])
 
 
 def _chord_load(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Floats:
-    """Blocks needed per metre in each interval between the file's points, (n - 1,)."""
+    """Return the blocks needed per metre in each interval (n - 1,) between the file's points."""
     knots = motion.curve.knots
     if len(knots) < 3:
         return np.zeros(len(knots) - 1)
@@ -186,7 +186,7 @@ def _chord_load(motion: CourseMotion, tolerance: float, axis_tolerance: float) -
 
 
 def _excess(motion: CourseMotion, poses: Poses, tolerance: float, axis_tolerance: float) -> Floats:
-    """Largest deviation of each block, (n - 1,), in shares of the tolerances."""
+    """Return the largest deviation of each block (n - 1,) as a share of the tolerances."""
     begin, end = poses.arc_lengths[:-1, None], poses.arc_lengths[1:, None]
     arc_lengths = (begin + TRIED * (end - begin)).ravel()
     joints = _between(poses.joints)
@@ -198,13 +198,13 @@ def _excess(motion: CourseMotion, poses: Poses, tolerance: float, axis_tolerance
 
 
 def _between(rows: Floats) -> Floats:
-    """Rows (m, k) on the straight lines between consecutive rows (n, k), at the tried fractions."""
+    """Return rows (m, k) on the straight lines between consecutive rows (n, k), at the fractions `TRIED`."""
     inner = rows[:-1, None, :] + TRIED[None, :, None] * np.diff(rows, axis=0)[:, None, :]
     return inner.reshape(-1, rows.shape[1])
 
 
 def _split(motion: CourseMotion, ends: Floats, off: Mask) -> Floats:
-    """Block ends with each block that is off split at the file's point nearest its middle, or in its middle."""
+    """Return block ends with each block in `off` split at the file's point nearest its middle, or in its middle."""
     begin, end = ends[:-1][off], ends[1:][off]
     if np.any(end - begin < SHORTEST_BLOCK):
         worst = nearest_point(motion.toolpath, float(begin[np.argmin(end - begin)]))

@@ -1,7 +1,7 @@
-"""Sequence: what the head does between the layings, and where its words stand, against what the courses ask for.
+"""Link check: the head's motion between courses, and its heater and auxiliary roller, against what the courses need.
 
-The head links to each course over the part, plunges, lays, runs out, retracts; the heater and the auxiliary roller are
-switched at their places along the course.
+The head links to each course over the part, plunges, lays, runs out and retracts; heater and auxiliary roller switch at
+their places along the course.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from tapelayer.verification.failures import Failure
 
 # Rounded feeds shift a word's effect against the motion by no more than this share of its delay.
 DELAY_DIGITS = 2e-5
-# The heater is switched as exactly as this, in seconds.
+# Tolerance in seconds for switching the heater.
 HEATER_TIME = 1e-3
-# Two moments so near to each other, in seconds, can be one, however the times before them are rounded.
+# Two moments this close together, in seconds, may be one, because all times before them are rounded.
 CLOCK_DOUBT = 1e-3
-# A straight way is at its end so near to it, in metres; blocks are written to a micrometre in each axis.
+# A straight move this close to its end, in metres, has reached it; blocks are written to a micrometre in each axis.
 REACHED = 5e-6
-# A link's block is looked at here.
-LOOKED_AT = np.linspace(0.0, 1.0, 9)
+# Fractions of a link's block at which it is sampled.
+SAMPLED_AT = np.linspace(0.0, 1.0, 9)
 
 
 def judge_sequence(case: Case) -> tuple[float, list[Failure]]:
-    """Return the roller's least clearance over the part on its way from course to course, metres, and what fails.
+    """Return the roller's least clearance over the part while linking, in metres, and the failures.
 
     Args:
-        case: with one course at least.
+        case: with at least one course.
     """
     judge = _SequenceJudge(case)
     judge.heater()
@@ -53,20 +53,20 @@ def judge_sequence(case: Case) -> tuple[float, list[Failure]]:
 
 @dataclass(frozen=True, eq=False)
 class _Gap:
-    """The blocks between two layings, before the first, or after the last.
+    """The blocks before, between or after the layings.
 
     Attributes:
-        behind: index of the course before it, -1 for none.
-        first: the first of the blocks, of the first gap the first that knows where it begins.
+        behind: index of the course before the gap, -1 for none.
+        first: the first block; in the first gap, the first whose start is stated.
         rows: (m,) the blocks.
-        times: (m + 1,) seconds at their begin and ends.
-        steps: (m, k) changes of the joints in them, metres and radians.
-        centres: (m + 1, 3) roller centres at their begin and ends, `machine` axes, metres.
+        times: (m + 1,) seconds at the gap's start and its blocks' ends.
+        steps: (m, k) changes of the joints in each block, metres and radians.
+        centres: (m + 1, 3) roller centres at the gap's start and its blocks' ends, `machine` axes, metres.
         normals: (m + 1, 3) head normals there.
         moves: (m,) True where the head moves.
-        turns: (m,) True where it turns.
-        lowest: (m, 9) the roller's lowest point above the highest course point, metres, where a block is looked at.
-        top: (m, 9) True where the head is at the end of its travel.
+        turns: (m,) True where the head turns.
+        lowest: (m, 9) the roller's lowest point above the highest course point, metres, at samples of each block.
+        top: (m, 9) True where the head is at the upper end of its travel.
     """
 
     behind: int
@@ -82,12 +82,12 @@ class _Gap:
     top: Mask
 
     def block(self, place: int) -> int:
-        """The block at a place of the gap, or the one around it where the place is beyond."""
+        """Return the block at a place of the gap; a place beyond the gap gives a block next to it."""
         return int(self.first + place)
 
 
 class _SequenceJudge:
-    """A case, with what its program has to keep, and what it fails in so far."""
+    """Judge of the links of a case, which collects its failures."""
 
     def __init__(self, case: Case) -> None:
         self.trajectory, self.courses, self.samples = case.trajectory, case.courses, case.samples
@@ -113,12 +113,12 @@ class _SequenceJudge:
         self.failures: list[Failure] = []
 
     def fail(self, course: int, what: str, value: float, limit: float, block: int) -> None:
-        """Note what a course, by its index, fails in, and the block where it shows."""
+        """Record a failure of a course, by its index, and the block where it occurs."""
         line = int(self.trajectory.lines[min(block, len(self.trajectory) - 1)])
         self.failures.append(Failure(self.courses[course].number, 0, what, float(value), float(limit), line))
 
     def heater(self) -> None:
-        """The heater is on from a course's start to its end, but for stops longer than it may be."""
+        """Judge whether the heater is on from each course's start to its end, except during long stops."""
         begins, ends, sure = self._rests()
         allowed = ends - begins > self.heater_stop - HEATER_TIME
         needed = sure & (ends - begins > self.heater_stop + HEATER_TIME)
@@ -137,19 +137,19 @@ class _SequenceJudge:
                 self.fail(self._course(place), f"{name}_words", 0, 1, block)
 
     def _words(self, event: Event, delay: float) -> tuple[Ints, Floats]:
-        """Blocks (w,) of an event's words, and the seconds (w,) at which they take effect, `delay` ms later."""
+        """Return the blocks (w,) of an event's words, and the seconds (w,) of their effects, `delay` ms later."""
         words = np.flatnonzero(self.trajectory.events == event)
         return words, self.trajectory.times[words] + delay * 1e-3
 
     def _course(self, time: float) -> int:
-        """Index of the course that is laid at a time, or is the next one to be; the last after all."""
+        """Return the index of the course being laid at a time, else of the next one, else of the last."""
         ends = [course.end for course in self.courses]
         return min(int(np.searchsorted(ends, time)), len(ends) - 1)
 
     def _rests(self) -> tuple[Floats, Floats, Mask]:
-        """Seconds (r,) at which the tape comes to rest while courses are laid, and (r,) at which it goes on.
+        """Return the seconds (r,) at which the tape stops and moves on within courses, and whether each rest is sure.
 
-        Tape that creeps can seem to rest where its words are rounded: False (r,) where it creeps before or after.
+        Creeping tape can seem to rest because its words are rounded: a rest next to creeping is not sure.
         """
         trajectory, rests = self.trajectory, [np.zeros((3, 0))]
         for course in self.courses:
@@ -165,9 +165,9 @@ class _SequenceJudge:
         return begins, ends, sure > 0.0
 
     def gaps(self) -> Iterable[_Gap]:
-        """What stands before, between and after the layings."""
+        """Yield the gaps before, between and after the layings."""
         trajectory, slack = self.trajectory, DELAY_DIGITS * self.delays.shoe * 1e-3
-        # The way to where every axis is stated comes from nowhere.
+        # The first move that states every axis has no known start.
         known = int(np.argmin(np.any(np.isnan(trajectory.positions), axis=1))) + 1
         ends, begins = [course.end + slack for course in self.courses], [c.begin + slack for c in self.courses]
         firsts = np.append(known, np.searchsorted(trajectory.times, ends, side="right"))
@@ -175,7 +175,7 @@ class _SequenceJudge:
         nodes = [
             np.arange(first - 1, max(first, last)) for first, last in zip(firsts.tolist(), lasts.tolist(), strict=True)
         ]
-        # The chain is walked once for all gaps: a walk costs more than the few samples of a gap.
+        # Forward kinematics run once for all gaps: a call costs more than the few samples of a gap.
         borders = np.cumsum([len(places) for places in nodes])[:-1]
         pose = self.machine.columns(trajectory.positions[np.concatenate(nodes)], "roller")
         centres = np.split(np.stack(np.broadcast_arrays(*pose.translation), axis=1), borders)
@@ -201,20 +201,20 @@ class _SequenceJudge:
             )
 
     def _lowest(self, rows: Ints) -> tuple[Floats, Mask]:
-        """Where blocks (m,) are looked at: metres (m, 9) above the part, and True (m, 9) at the end of the travel."""
-        blocks, shares = np.repeat(rows, len(LOOKED_AT)), np.tile(LOOKED_AT, len(rows))
+        """Return, at samples (m, 9) of blocks (m,), metres above the part and True at the upper end of the travel."""
+        blocks, shares = np.repeat(rows, len(SAMPLED_AT)), np.tile(SAMPLED_AT, len(rows))
         joints = self.trajectory.within(blocks, shares)
         pose = self.machine.columns(joints, "roller")
         edge = self.half_width * np.abs(pose.rotation[2][1])
         lowest = np.broadcast_to(pose.translation[2] - self.roller_radius - edge - self.highest, len(joints))
         top = joints[:, self.z] <= self.machine.axes[self.z].lower + self.digits[self.z]
-        return lowest.reshape(-1, len(LOOKED_AT)), top.reshape(-1, len(LOOKED_AT))
+        return lowest.reshape(-1, len(SAMPLED_AT)), top.reshape(-1, len(SAMPLED_AT))
 
     def auxiliary_roller(self, gap: _Gap) -> None:
-        """The auxiliary roller goes down behind the course's start and up behind its end, each by its lag."""
+        """Judge whether the auxiliary roller goes down and up one lag after the course's start and end."""
         laid = self.courses[gap.behind]
         first, last = np.searchsorted(self.samples.courses, [gap.behind, gap.behind + 1])
-        # How far the roller has come, over times: along the course, then beyond its end.
+        # Distance of the roller over time: along the course, then beyond its end.
         beyond = np.linalg.norm(gap.centres - gap.centres[0], axis=1)
         times = np.append(self.samples.times[first:last], gap.times)
         path = np.append(self.samples.arc_lengths[first:last], self.samples.arc_lengths[last - 1] + beyond)
@@ -234,7 +234,7 @@ class _SequenceJudge:
                 self.fail(gap.behind, f"auxiliary_roller_{name}_mm", at / MM, place / MM, int(words[own[0]]))
 
     def run_out(self, gap: _Gap) -> int:
-        """Behind its end the head goes on along the tangent; number of the gap's blocks that do it."""
+        """Judge whether the head runs out along the tangent, and return the number of the gap's blocks that do so."""
         out = self.courses[gap.behind].out
         gone, count = self._straight(gap, gap.behind, range(len(gap.rows)), out, self.run_out_length)
         if not abs(gone - self.run_out_length) <= self.tape_off:
@@ -242,7 +242,7 @@ class _SequenceJudge:
         return count
 
     def retract(self, gap: _Gap, first: int) -> int:
-        """From a place on the head goes up along its normal; number of the gap's blocks until it has."""
+        """Judge whether the head retracts along its normal from place `first` on, and return the place where it has."""
         places = range(first, len(gap.rows))
         gone, count = self._straight(gap, gap.behind, places, gap.normals[first], self.approach)
         if not gone >= self.approach - self.off:
@@ -250,7 +250,7 @@ class _SequenceJudge:
         return first + count
 
     def plunge(self, gap: _Gap) -> int:
-        """At its end the head comes down along its normal; number of the gap's blocks before it does."""
+        """Judge whether the gap ends with a plunge along the normal, and return the number of blocks before it."""
         last, course = len(gap.rows), gap.behind + 1
         gone, count = self._straight(gap, course, range(last - 1, -1, -1), -gap.normals[last], self.approach)
         if not gone >= self.approach - self.off:
@@ -258,12 +258,12 @@ class _SequenceJudge:
         return last - count
 
     def _straight(self, gap: _Gap, course: int, places: range, direction: Floats, length: float) -> tuple[float, int]:
-        """How far the head goes by feed along a direction, without turning, until it has gone `length`.
+        """Return how far the head moves by feed along a direction without turning, up to about `length`.
 
         Args:
-            gap: where.
-            course: index of the course that it is done for.
-            places: of the gap's blocks, in the order in which they are looked at.
+            gap: the gap.
+            course: index of the course that fails if the head is too fast.
+            places: places of the gap's blocks, in the order of the search.
             direction: (3,) unit, `machine` axes.
             length: metres.
 
@@ -276,9 +276,9 @@ class _SequenceJudge:
                 break
             if gap.moves[place]:
                 block = int(gap.rows[place])
-                way = gap.centres[place + 1] - gap.centres[place]
-                along = float(way @ direction)
-                straight = along > 0.0 and float(np.linalg.norm(way - along * direction)) <= self.off
+                step = gap.centres[place + 1] - gap.centres[place]
+                along = float(step @ direction)
+                straight = along > 0.0 and float(np.linalg.norm(step - along * direction)) <= self.off
                 if not straight or gap.turns[place] or self.trajectory.kinds[block] != Kind.LINEAR:
                     break
                 least = (along - 2 * float(np.max(self.digits[self.pose[:3]]))) / (self.lay_speed * (1 + FEED_DIGITS))
@@ -290,19 +290,19 @@ class _SequenceJudge:
         return gone, count
 
     def link(self, gap: _Gap, first: int, last: int) -> None:
-        """From place `first` to `last` of a gap the head turns and goes sideways only over the part."""
+        """Judge whether from place `first` to `last` of a gap the head turns and moves sideways only above the part."""
         over = np.flatnonzero(np.any(gap.steps[first:last][:, self.sideways] != 0.0, axis=1)) + first
-        blocks = np.repeat(gap.rows[over], len(LOOKED_AT))
+        blocks = np.repeat(gap.rows[over], len(SAMPLED_AT))
         lowest, top = gap.lowest[over].ravel(), gap.top[over].ravel()
         if len(over):
             self.least_clearance = min(self.least_clearance, float(np.min(lowest)))
         if gap.behind < 0 and len(gap.rows):
-            # The way to where every axis is stated first is over the part where it ends.
+            # The first move that states every axis must end above the part.
             blocks = np.append(blocks, gap.rows[0] - 1)
             lowest, top = np.append(lowest, gap.lowest[0, 0]), np.append(top, gap.top[0, 0])
         if not len(blocks):
             return
-        # At the end of its travel the head can go no higher.
+        # At the upper end of its travel the head can go no higher.
         wanted = np.where(top, 0.0, self.clearance)
         worst = int(np.argmax(wanted - lowest))
         if not lowest[worst] >= wanted[worst] - REACHED:
@@ -310,7 +310,7 @@ class _SequenceJudge:
             self.fail(course, "link_clearance_mm", lowest[worst] / MM, wanted[worst] / MM, int(blocks[worst]))
 
     def threading(self, gap: _Gap) -> None:
-        """In the air the tape and the knives move by feed, and the tape no faster than it is threaded."""
+        """Judge whether in a gap tape and knives move by feed, and the tape no faster than the threading speed."""
         course = min(gap.behind + 1, len(self.courses) - 1)
         head = gap.steps.copy()
         head[:, self.pose] = 0.0
@@ -326,7 +326,7 @@ class _SequenceJudge:
 
 
 def _apart(values: Floats, places: Floats) -> Floats:
-    """Distance (n,) of values (n,) from the nearest of some places; infinite where there is none."""
+    """Return the distance (n,) of values (n,) from the nearest place; infinite without places."""
     ordered = np.concatenate([[-np.inf], np.sort(places), [np.inf]])
     after = np.searchsorted(ordered[1:-1], values) + 1
     distances: Floats = np.minimum(ordered[after] - values, values - ordered[after - 1])

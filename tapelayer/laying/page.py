@@ -1,4 +1,4 @@
-"""Page of a laying program."""
+"""Page: the HTML report of a tape-laying program."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from tapelayer.reporting.words import shown
 
 
 def html(evidence: Evidence, trajectory: Trajectory, report: dict[str, Any], setup: Setup, title: str) -> str:
-    """Return the report as one HTML page with plots, light and dark, to be printed.
+    """Return the report as one HTML page with plots, for light, dark and print.
 
     Args:
-        evidence: what verification measured.
+        evidence: the measurements of verification.
         trajectory: the program that was judged.
-        report: plain values of the evidence.
+        report: its report as plain values.
         setup: the job's values.
-        title: of the report, as the program is called.
+        title: title of the report, the program's name.
     """
     limits, shares = evidence.limits, report["time_shares"]
     more = [

@@ -1,4 +1,4 @@
-"""Placing: courses in the machine, where the setup puts the part."""
+"""Placing: the courses in `machine` axes, where the setup puts the part."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ from tapelayer.units import MM
 
 
 def courses_in_machine(courses: Sequence[Course], setup: Setup) -> list[Toolpath]:
-    """Courses in `machine` axes, where the setup places the part and on the plies already laid."""
+    """Return courses in `machine` axes, where the setup puts the part and on the plies already laid."""
     origin = (setup.part.l1_mm * MM, setup.part.l2_mm * MM, -setup.part.l3_mm * MM)
     return [to_machine(c, setup.part.rotation_rad(), origin, setup.part.laid_thickness_mm * MM) for c in courses]

@@ -1,4 +1,4 @@
-"""Plan view of a page: the courses from above."""
+"""Plan view: the courses from above, drawn for the report's page."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tapelayer.reporting.map_marks import (
 from tapelayer.reporting.words import plain
 from tapelayer.units import MM
 
-# Cells that are coloured by their largest error; a cell is never smaller than this, in pixels.
+# Most cells to be coloured by their largest error, and the smallest cell in pixels.
 CELLS = 40_000
 LEAST_CELL = 3.0
 
@@ -34,9 +34,9 @@ class _CourseStrip:
     """A course in the plan view.
 
     Attributes:
-        number: in its file.
+        number: its number in the file.
         points: (m, 2) pixels.
-        classes: (m - 1,) colour of each piece, `COLOURS` where it is beyond the limit.
+        classes: (m - 1,) colour of each piece, `COLOURS` beyond the limit.
     """
 
     number: int
@@ -45,22 +45,22 @@ class _CourseStrip:
 
 
 def plan_view(evidence: Evidence) -> list[Element]:
-    """The courses from above to scale, in `machine` axes, coloured by position error."""
+    """Return the courses from above to scale, in `machine` axes, coloured by position error."""
     samples = evidence.samples
-    seen = np.all(np.isfinite(samples.nips), axis=1)
-    if not np.any(seen):
+    known = np.all(np.isfinite(samples.nips), axis=1)
+    if not np.any(known):
         return [element("p", "Nothing was measured along the courses.", class_="note")]
-    plan = samples.nips[seen][:, :2] / MM
-    # A place that is not known shows as an error without a number in the samples beside it.
-    beside = ~seen | np.append(~seen[1:], False) | np.append(False, ~seen[:-1])
-    errors = np.where(beside, np.nan, samples.position_errors / MM)[seen]
-    courses = samples.courses[seen]
+    plan = samples.nips[known][:, :2] / MM
+    # A sample next to one without a position gets a NaN error, so that the gap shows.
+    beside = ~known | np.append(~known[1:], False) | np.append(False, ~known[:-1])
+    errors = np.where(beside, np.nan, samples.position_errors / MM)[known]
+    courses = samples.courses[known]
     limit = evidence.limits["max_position_error_mm"].value
     finite = errors[np.isfinite(errors)]
     top = min(limit, round_up(float(np.max(finite, initial=0.0))))
 
-    room = evidence.tape_width / MM / 2
-    low, high = np.min(plan, axis=0) - room, np.max(plan, axis=0) + room
+    margin = evidence.tape_width / MM / 2
+    low, high = np.min(plan, axis=0) - margin, np.max(plan, axis=0) + margin
     panel, scale = plan_panel(low, high)
     pixels = np.column_stack([panel.across(plan[:, 0]), panel.down(plan[:, 1])])
     strips = _strips([row.course for row in evidence.tape.rows], courses, pixels, _classes(errors, top, limit))
@@ -97,14 +97,14 @@ def plan_view(evidence: Evidence) -> list[Element]:
 
 
 def _classes(errors: Floats, top: float, limit: float) -> Ints:
-    """Colour (n,) of each error: 0 to COLOURS - 1 up to `top`, COLOURS beyond the limit or where there is no number."""
+    """Return the colour (n,) of each error: 0 to COLOURS - 1 up to `top`, COLOURS beyond the limit or for NaN."""
     inside: Mask = errors <= limit
     scaled = np.floor(np.where(inside, errors, 0.0) / top * COLOURS).astype(np.int64)
     return np.where(inside, np.minimum(scaled, COLOURS - 1), COLOURS)
 
 
 def _strips(numbers: Sequence[int], courses: Ints, pixels: Floats, classes: Ints) -> list[_CourseStrip]:
-    """Courses cut into cells of a few pixels, each with its worst colour, so that thinning hides no error."""
+    """Return the courses in cells of a few pixels, each with its worst colour, so that thinning hides no error."""
     starts = np.unique(courses, return_index=True)[1]
     steps = np.hypot(*np.diff(pixels, axis=0, prepend=pixels[:1]).T)
     steps[starts] = 0.0
@@ -125,7 +125,7 @@ def _outline(points: Floats) -> str:
 
 
 def _pieces(strip: _CourseStrip, colour: int) -> str:
-    """Path of the pieces of one colour."""
+    """Return the SVG path of the pieces of one colour."""
     chosen = np.flatnonzero(strip.classes == colour)
     if not len(chosen):
         return ""
@@ -134,7 +134,7 @@ def _pieces(strip: _CourseStrip, colour: int) -> str:
 
 
 def _arrows(strips: Sequence[_CourseStrip]) -> list[Element]:
-    """An arrowhead in the middle of each course; one that would lie on another is left out."""
+    """Return an arrowhead in the middle of each course, without those that would overlap."""
     nodes = []
     places = MarkPlaces(10.0)
     for strip in strips:
@@ -148,7 +148,7 @@ def _arrows(strips: Sequence[_CourseStrip]) -> list[Element]:
 
 
 def _labels(strips: Sequence[_CourseStrip]) -> list[Element]:
-    """Course numbers before the courses' starts; one that would lie on another is left out."""
+    """Return the course numbers before the courses' starts, without those that would overlap."""
     nodes = []
     places = MarkPlaces(11.0)
     for strip in strips:
@@ -159,7 +159,7 @@ def _labels(strips: Sequence[_CourseStrip]) -> list[Element]:
 
 
 def _worst_place(pixels: Floats, errors: Floats) -> list[Element]:
-    """A ring round the largest error, or round the first place that has none."""
+    """Return a ring round the largest error, or round the first place where it is unknown."""
     worst = int(np.argmax(np.where(np.isfinite(errors), errors, np.inf)))
     across, down = pixels[worst]
     return [element("circle", cx=px(across), cy=px(down), r=8, class_="ring")]

@@ -1,4 +1,4 @@
-"""Laying: courses and a setup become the blocks of a program."""
+"""Program: the courses of a job become the blocks of a tape-laying program."""
 
 from __future__ import annotations
 
@@ -32,48 +32,48 @@ def plan(
     exclusive: frozenset[str] = frozenset(),
     tick: Tick = silent,
 ) -> Trajectory:
-    """Return the trajectory of a ply: every course approached, laid and left, its cuts made where they pass the knives.
+    """Return the trajectory of a ply: every course approached, laid and left, its cuts made as they pass the knives.
 
     Args:
         courses: in the part's frame, laid in this order.
         setup: the job's values.
         machine: the gantry, with the setup's limits already in it.
         exclusive: blade axes (d, e) that the control turns only in blocks of their own.
-        tick: called for every course that is done.
+        tick: called after every course.
 
     Raises:
         AxisBeyondTravel: a course needs an axis beyond its travel.
-        PartTooHigh: the head cannot go from course to course over the part.
+        PartTooHigh: the head cannot link from course to course over the part.
         PoseUndefined: a point has no roller pose.
         TapeRunsBack: the tape would have to run back under the shoe.
-        TapelayerError: the tape cannot be cut that way; see `plan_tape`.
+        TapelayerError: the tape cannot be cut as needed; see `plan_tape`.
     """
     lengths = gantry.lengths(machine)
     radius = lengths.radius if setup.head.wrap_compensation else 0.0
-    ways = []
+    driven = []
     for path in courses_in_machine(courses, setup):
-        ways.append(driven_course(path, setup, lengths, radius))
+        driven.append(driven_course(path, setup, lengths, radius))
         tick()
     tape = plan_tape(
         head_of(setup, machine),
         [course.number for course in courses],
-        np.array([way.length for way in ways]),
+        np.array([one.length for one in driven]),
         np.array([course.cut_angles for course in courses]),
-        radius * np.array([way.laid.wrap[[0, -1]] for way in ways]),
+        radius * np.array([one.laid.wrap[[0, -1]] for one in driven]),
         frozenset(number for number, blade in ((1, "d"), (2, "e")) if blade in exclusive),
     )
     clearance = setup.process.link_clearance_mm
     clearance = setup.process.approach_mm if clearance is None else clearance
-    least_link = _least_link(ways, setup, machine)
+    least_link = _least_link(driven, setup, machine)
     link_height = max(least_link - clearance * MM, machine.axis("z").lower)
     task = LayingTask(setup, machine, tape, link_height)
     at, parts = start_of(task), []
-    for course, way in enumerate(ways):
-        parts.append(course_blocks(task, course, way, at))
+    for course, one in enumerate(driven):
+        parts.append(course_blocks(task, course, one, at))
         at = parts[-1].joints[-1]
     blocks = PlannedBlocks.joined(parts)
     indices = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-    _check_travel(blocks, indices, ways, machine)
+    _check_travel(blocks, indices, driven, machine)
     if not link_height <= least_link:
         raise PartTooHigh(
             "the head cannot go from course to course over the part: with axis z at the end of its travel, "
@@ -83,13 +83,13 @@ def plan(
     return blocks.trajectory(machine.names, indices)
 
 
-def _least_link(ways: Sequence[DrivenCourse], setup: Setup, machine: Machine) -> float:
-    """Axis z, in metres, at which the head goes from course to course only just over the part."""
-    highest = max(float(np.max(way.path.points[:, 2])) for way in ways)
+def _least_link(driven: Sequence[DrivenCourse], setup: Setup, machine: Machine) -> float:
+    """Return the axis z, in metres, at which the head only just clears the part while linking."""
+    highest = max(float(np.max(one.path.points[:, 2])) for one in driven)
     lengths = gantry.lengths(machine)
-    # A rolled head stands on the edge of its roller: lower by half the width, higher by the way to the axis of roll.
+    # Rolling the head lowers the edge of its roller by the half width, and raises it by the arm to the roll axis.
     half, arm = setup.tape.width_mm / 2 * MM, lengths.l6 - lengths.radius
-    starts, ends = np.array([way.laid.joints[[0, -1], 4] for way in ways]).T
+    starts, ends = np.array([one.laid.joints[[0, -1], 4] for one in driven]).T
     rolls = np.array([np.append(starts[0], ends[:-1]), starts])
     least = np.where(np.prod(rolls, axis=0) > 0.0, np.min(np.abs(rolls), axis=0), 0.0)
     rolled = np.clip(math.atan2(half, arm), least, np.max(np.abs(rolls), axis=0))
@@ -97,19 +97,19 @@ def _least_link(ways: Sequence[DrivenCourse], setup: Setup, machine: Machine) ->
     return -highest + lowest - lengths.l4 - lengths.l6
 
 
-def _check_travel(blocks: PlannedBlocks, courses: Ints, ways: Sequence[DrivenCourse], machine: Machine) -> None:
-    """Refuse the worst place of every axis that leaves its travel, all axes at once."""
-    found = []
+def _check_travel(blocks: PlannedBlocks, courses: Ints, driven: Sequence[DrivenCourse], machine: Machine) -> None:
+    """Refuse a program with axes beyond their travel, naming the worst place of each."""
+    beyond = []
     for column, axis in enumerate(machine.axes):
         values = blocks.joints[1:, column]
         if np.all((values >= axis.lower) & (values <= axis.upper)):
             continue
         row = int(np.argmax(np.nan_to_num(np.maximum(axis.lower - values, values - axis.upper), nan=np.inf))) + 1
-        path = ways[int(courses[row])].path
+        path = driven[int(courses[row])].path
         point = nearest_point(path, float(blocks.arcs[row]))
-        found.append((path.number, point, axis, float(blocks.joints[row, column])))
-    if found:
-        raise AxisBeyondTravel(found, _advice({axis.name for _, _, axis, _ in found}))
+        beyond.append((path.number, point, axis, float(blocks.joints[row, column])))
+    if beyond:
+        raise AxisBeyondTravel(beyond, _advice({axis.name for _, _, axis, _ in beyond}))
 
 
 def _advice(axes: set[str]) -> str:

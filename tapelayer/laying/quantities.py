@@ -1,4 +1,4 @@
-"""Quantities of a laying report, in the order of the JSON report."""
+"""Quantities: the rows of a laying report, in the order of its JSON."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tapelayer.reporting.quantity import Group, Listing, Quantity, Row, Style, c
 from tapelayer.reporting.words import Words
 from tapelayer.units import DEG, MM
 
-# Failures in which a knife is where it must not be, or is not where it must be.
+# Failures of a knife that is where it must not be, or is not where it must be.
 KNIFE_FAILURE = re.compile(
     r"knife_[12]_(switched_again|left_on|off_every_cut_mm)|(rapid|stop)_with_knife_[12]_on"
     r"|cuts_made|cut_width_mm|axis_[vq]_mm"
@@ -22,13 +22,13 @@ KNIFE_FAILURE = re.compile(
 
 
 def _largest(values: Floats) -> float:
-    """Largest magnitude; NaN where there is no value or one of them is not finite."""
+    """Return the largest magnitude; NaN if there is no value or one is not finite."""
     largest = float(np.max(np.abs(values), initial=0.0))
     return largest if len(values) and math.isfinite(largest) else math.nan
 
 
 def _largest_spread(values: Floats, courses: Ints) -> float:
-    """Largest difference of two values (n,) within one course; NaN where there is none or one is NaN."""
+    """Return the largest difference of values (n,) within one course; NaN if there is no value or one is NaN."""
     if not len(values):
         return math.nan
     starts = np.unique(courses, return_index=True)[1]
@@ -36,8 +36,8 @@ def _largest_spread(values: Floats, courses: Ints) -> float:
 
 
 def _edge_lift(evidence: Evidence) -> float:
-    """Lift of the tape's edge by the largest tilt, mm."""
-    # The tilt by way of the degrees of the report would differ in the last digit.
+    """Return how far the largest tilt lifts an edge of the tape, mm."""
+    # Taking the tilt from the report's degrees would change the last digit.
     return evidence.tape_width / 2 * math.sin(_largest(evidence.samples.tilts)) / MM
 
 
@@ -50,12 +50,12 @@ def _chord_error(evidence: Evidence) -> float:
 
 
 def _waste_percent(evidence: Evidence) -> float:
-    """Waste in percent of the tape used; NaN where none was used."""
+    """Return the waste in percent of the tape used; NaN if none was used."""
     return 100 * evidence.tape.waste / evidence.tape.used if evidence.tape.used else math.nan
 
 
 def _link_clearance(evidence: Evidence) -> float | None:
-    """Least clearance between courses, mm; None where the head never goes from course to course."""
+    """Return the least clearance between courses, mm; None if the head never links."""
     clearance = evidence.least_link_clearance
     return None if clearance == math.inf else clearance / MM
 

@@ -1,4 +1,4 @@
-"""Sampling: when a program lays its courses, and where these are looked at."""
+"""Sampling: when a program lays its courses, and where they are sampled."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.vectors import ramp
 from tapelayer.verification.sampling import sample_counts
 
-# Between two block ends a course is looked at at least every so many metres.
+# Largest distance between the samples of a course, in metres.
 LAID_SAMPLE_STEP = 5e-3
 
 
 @dataclass(frozen=True)
 class Laying:
-    """From the shoe's touch to its lift: the time it begins and ends, in seconds from the program's start."""
+    """An interval with the shoe down, in seconds from the program's start; its blocks are `first` to before `last`."""
 
     begin: float
     end: float
@@ -29,14 +29,14 @@ class Laying:
 
 @dataclass(frozen=True, eq=False)
 class SamplePlaces(Frozen):
-    """Where some courses are looked at while they are laid, rows in laying order.
+    """Samples of a program while it lays some courses, rows in laying order.
 
     Attributes:
         courses: (n,) index of the course, rising.
         blocks: (n,) index of the block.
         times: (n,) seconds from the program's start.
         joints: (n, k) joint values, metres and radians.
-        ends: (n,) True at block ends and at each course's begin.
+        ends: (n,) True at block ends and at each course's start.
     """
 
     courses: Ints
@@ -47,7 +47,7 @@ class SamplePlaces(Frozen):
 
     @classmethod
     def along(cls, trajectory: Trajectory, layings: Sequence[Laying], indices: Ints) -> SamplePlaces:
-        """Return the places along the layings of the courses with these (m,) rising indices."""
+        """Return the samples of the layings of courses with rising indices (m,)."""
         chosen = [layings[index] for index in indices]
         rows = np.concatenate([np.arange(laying.first, laying.last) for laying in chosen])
         lengths = [laying.last - laying.first for laying in chosen]
@@ -56,14 +56,14 @@ class SamplePlaces(Frozen):
         stop = np.repeat([laying.end for laying in chosen], lengths)
         ends = trajectory.times[rows]
         begins = ends - trajectory.durations[rows]
-        # A block shorter than the clock can tell is not on the way; a move in it fails for its speed.
+        # A block too short for the clock gets no sample; a move in it fails for its speed.
         timed = (ends > begins) & (ends > start) & (begins < stop)
         rows, courses, begins, ends = rows[timed], courses[timed], begins[timed], ends[timed]
         from_, to = np.maximum(begins, start[timed]), np.minimum(ends, stop[timed])
         u = trajectory.column("u")
         distance = np.abs(trajectory.positions[rows, u] - trajectory.begins(rows)[:, u])
         steps = sample_counts(distance, LAID_SAMPLE_STEP)
-        # Every block is looked at from behind its begin to its end, a course's first block at its begin, too.
+        # A block is sampled after its start up to its end, the first block of a course at its start, too.
         first = np.diff(courses, prepend=-1) > 0
         counts = steps + first
         block, number = ramp(counts)
@@ -74,12 +74,12 @@ class SamplePlaces(Frozen):
         return cls(courses[block], rows[block], times, joints, (step == 0) | (step == steps[block]))
 
     def rows(self, course: int) -> slice:
-        """Return the rows of the course with an index."""
+        """Return the rows of the course with this index."""
         return slice(*np.searchsorted(self.courses, [course, course + 1]).tolist())
 
 
 def layings_of(trajectory: Trajectory, setup: Setup) -> list[Laying]:
-    """Return every stretch with the shoe down, by when its words take effect."""
+    """Return every interval with the shoe down, timed by when the words take effect."""
     delay = setup.head.delays_ms.shoe * 1e-3
     down = np.flatnonzero(trajectory.events == Event.SHOE_DOWN)
     up = np.flatnonzero(trajectory.events == Event.SHOE_UP)

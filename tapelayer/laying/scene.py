@@ -1,4 +1,4 @@
-"""Scene of a laying program: errors along the courses, the tape as it was laid, and the mould."""
+"""Scene: the measured errors, the laid tape and the mould of a tape-laying program, for a page to draw."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from tapelayer.laying.placing import courses_in_machine
 from tapelayer.laying.settings import Setup
 from tapelayer.units import DEG, MM
 
-# Pairs of the tape's edge points are left out where a straight line is as near to the edges, metres.
+# Pairs of edge points are dropped where straight lines stay this close to the tape's edges, metres.
 EDGE_TOLERANCE = 0.1e-3
-# The edges are looked at so often, and pairs lie no farther apart, so that the tape is seen to grow; metres.
+# Spacing of the samples of the edges, and largest distance between pairs, which lets the tape grow visibly; metres.
 EDGE_STEP = 5e-3
 PAIR_STEP = 25e-3
-# A cut that runs less than this along the tape's width is square, metres.
+# A cut that runs less than this along the tape, over its width, is square; metres.
 SQUARE = 1e-5
 
 
 def scene(result: LayingResult, mould: Mesh | None) -> Scene:
-    """Return what a page draws of a result.
+    """Return the scene of a result.
 
     Args:
         result: of a job.
-        mould: in the part's frame, where there is one.
+        mould: in the part's frame, if there is one.
     """
     job, samples = result.job, result.evidence.samples
     numbers = np.array([course.number for course in job.courses])
@@ -47,11 +47,11 @@ def scene(result: LayingResult, mould: Mesh | None) -> Scene:
 
 
 def error_table(samples: Samples, numbers: Ints) -> SceneTable:
-    """What was measured along the courses.
+    """Return the measurements along the courses.
 
     Args:
         samples: along the courses.
-        numbers: number of each course, by its index.
+        numbers: number of each course, by index.
     """
     columns = {
         "time_s": samples.times,
@@ -68,9 +68,9 @@ def error_table(samples: Samples, numbers: Ints) -> SceneTable:
 
 
 def tape_table(samples: Samples, courses: Sequence[Course], setup: Setup) -> SceneTable:
-    """Edge points of the tape as it was laid, in pairs: what lies between two pairs lies across the course.
+    """Return the edge points of the laid tape in pairs, left and right, each across the course.
 
-    At a slanted cut the pairs end on its line, so that the first and the last pair of a course are one corner each.
+    At a slanted cut the points lie on its line, so that the first and the last pair of a course are one corner each.
 
     Args:
         samples: along the courses.
@@ -96,20 +96,20 @@ class _Ribbon:
     """The tape of one course on its surface.
 
     Args:
-        curve: of the course, in `machine` axes.
-        end: arc length to which it is laid, metres.
-        width: of the tape, metres.
-        course: with the angles of its cuts.
+        curve: the course's curve in `machine` axes.
+        end: arc length up to which it is laid, metres.
+        width: width of the tape, metres.
+        course: the course, for the angles of its cuts.
     """
 
     def __init__(self, curve: Curve, end: float, width: float, course: Course) -> None:
         self.curve, self.end, self.half = curve, end, width / 2
         slopes = (1.0 / math.tan(angle) for angle in course.cut_angles)
-        # Along the course over across it, to the left: sigma(w) = sigma_0 + w cot(alpha).
+        # Slopes of the cuts, along the course over across to the left: sigma(w) = sigma_0 + w cot(alpha).
         self.slopes = [slope if abs(slope) * width > SQUARE else 0.0 for slope in slopes]
 
     def pairs(self) -> tuple[Floats, Floats]:
-        """Arc lengths (n,) in metres, and left and right edge points (n, 6) there, metres."""
+        """Return arc lengths (n,) in metres, and the left and right edge points (n, 6) there in metres."""
         first, last = (self.half * abs(slope) for slope in self.slopes)
         low, high = -first, self.end + last
         corners = np.array([low, first, self.end - last, high])
@@ -122,9 +122,9 @@ class _Ribbon:
         return places[kept], edges[kept]
 
     def _edges(self, places: Floats) -> Floats:
-        """Left and right edge points (n, 6) in metres at (n,) arc lengths; beyond its ends the course goes straight."""
+        """Return left and right edge points (n, 6) in metres at (n,) arc lengths, straight on beyond the ends."""
         right, left = np.full(len(places), -self.half), np.full(len(places), self.half)
-        # There is tape at w across and s along where w slope <= s by its first cut, and s <= end + w slope by its last.
+        # There is tape at s along and w across if s >= w slope for the first cut and s <= end + w slope for the last.
         for away, slope, side in ((places, self.slopes[0], 1.0), (self.end - places, self.slopes[1], -1.0)):
             if side * slope > 0.0:
                 left = np.minimum(left, away / (side * slope))
@@ -140,12 +140,12 @@ class _Ribbon:
 
 
 def needed(places: Floats, edges: Floats, kept: Mask) -> Mask:
-    """Rows (n,) that are needed beside those kept, so that straight lines between them stay near to all others.
+    """Return a mask (n,) of the rows needed so that straight lines between them stay close to all other rows.
 
     Args:
         places: (n,) metres, rising.
         edges: (n, 6) two points a row, metres.
-        kept: (n,) rows that are needed anyhow, the first and the last among them.
+        kept: (n,) rows that are needed anyway, including the first and the last.
     """
     kept = kept.copy()
     while True:

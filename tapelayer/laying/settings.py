@@ -1,6 +1,6 @@
-"""Setup of a tape-laying job: every value that is neither in the course file, nor the URDF, nor the controller table.
+"""Settings: every value of a tape-laying job that is in none of course file, URDF and controller table.
 
-Fields are in the units of their names (mm, deg); whoever computes converts with `MM` and `DEG`.
+Fields are in the units of their names (mm, deg); multiply by `MM` and `DEG` to compute.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class PartSettings(Section, title="Part"):
     ] = 0.0
 
     def rotation_rad(self) -> tuple[float, float, float]:
-        """Angles about the fixed axes x, y, z in radians, applied in that order."""
+        """Return the angles about the fixed axes x, y, z in radians, applied in that order."""
         angles = self.rotation_deg if isinstance(self.rotation_deg, list) else [0.0, 0.0, self.rotation_deg]
         return angles[0] * DEG, angles[1] * DEG, angles[2] * DEG
 
@@ -141,7 +141,7 @@ class Setup(JobSetup):
     output: Annotated[LayOutputSettings, Field(description="what comes out")] = LayOutputSettings()
 
     def sha256(self, urdf: bytes) -> str:
-        """SHA-256 of the effective values, hexadecimal; the URDF enters by its content, not by its path.
+        """Return the SHA-256 of the effective values in hexadecimal; the URDF counts by content, not by path.
 
         Args:
             urdf: the bytes of the URDF in use.

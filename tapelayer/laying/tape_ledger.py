@@ -1,4 +1,4 @@
-"""Tape ledger: what becomes of the tape, course by course and cut by cut, as plain values for JSON."""
+"""Tape ledger: the use of the tape, course by course and cut by cut, as plain values for JSON."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from tapelayer.units import DEG, MM, json_number
 
 
 def _percent(part: float, whole: float) -> float:
-    """A part in percent of the whole; NaN of nothing."""
+    """Return a part in percent of the whole; NaN of an empty whole."""
     return 100 * part / whole if whole else math.nan
 
 
 def time_shares(tape: TapeLedger) -> dict[str, float | None]:
-    """Return percent of the program's time by what the head does."""
+    """Return the percentages of the program's time for laying, threading and linking."""
     spans = {"laying": tape.laying, "threading": tape.threading, "linking": tape.linking}
     whole = sum(spans.values())
     return {name: json_number(_percent(span, whole)) for name, span in spans.items()}

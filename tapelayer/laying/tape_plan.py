@@ -1,9 +1,9 @@
-"""Tape: the stations of the courses on the tape and the knives' work over them; it knows lengths, never seconds.
+"""Tape plan: the stations of the courses on the tape and the steps of the knives, in lengths, never in seconds.
 
 A station is a length along the tape from its first leading edge towards the supply roll, u the station at knife 1;
 knife 2 stands `knife_pitch` upstream, at station u + `knife_pitch`. Across the tape, left of travel is positive.
 A cut at angle alpha is the line sigma(w) = sigma_0 + w cot(alpha), and while the tape feeds by du the knife crosses
-by du tan(alpha): everything the knives do is a piecewise linear function of u, with the tape at rest where it jumps.
+by du tan(alpha): the knives' positions are piecewise linear functions of u, with the tape at rest where they jump.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from tapelayer.laying.head import Head
 
 
 class Step(IntEnum):
-    """What a step of the head does.
+    """Kind of a step of the head.
 
-    FEED: the tape feeds up to the step's u, slides and blades move with it in proportion. MOVE: the tape rests, a
-    raised knife goes to its next sweep's start. CUT: the tape rests, a lowered knife crosses it. DOWN, UP: the tape
-    rests, a knife goes down or up.
+    FEED: the tape feeds up to the step's u, and slides and blades move in proportion. MOVE: the tape rests while a
+    raised knife goes to its next sweep's start. CUT: the tape rests while a lowered knife crosses it. DOWN, UP: the
+    tape rests while a knife goes down or up.
     """
 
     FEED = 0
@@ -47,7 +47,7 @@ class Cuts(Frozen):
         square: (c,) True where the tape rests during the sweep.
         ending: (c,) index of the course whose end the cut is, -1 for none.
         starting: (c,) index of the course whose start the cut is, -1 for none.
-        knives: (c,) the knife that makes it, 1 or 2.
+        knives: (c,) the knife that makes the cut, 1 or 2.
         u: (c, 2) metres, u at the sweep's start and end.
         slides: (c, 2) metres, the slide (v or q) at the sweep's start and end.
         blades: (c,) radians, the blade (d or e) during the sweep.
@@ -64,18 +64,18 @@ class Cuts(Frozen):
     blades: Floats
 
     def __len__(self) -> int:
-        """Number of cuts."""
+        """Return the number of cuts."""
         return len(self.stations)
 
 
 @dataclass(frozen=True, eq=False)
 class Moves(Frozen):
-    """Moves of a raised knife from where a sweep left it to its next sweep's start, in the order of the cuts.
+    """Moves of raised knives from the end of one sweep to the start of the next, in the order of the cuts.
 
     Attributes:
         knives: (r,) 1 or 2.
         cuts: (r,) index of the cut that the knife goes to.
-        u: (r, 2) metres, where the move begins and ends; equal where the tape waits for it.
+        u: (r, 2) metres, u at the move's start and end; equal if the tape waits for it.
         slides: (r, 2) metres, the slide at both.
         blades: (r, 2) radians, the blade at both.
     """
@@ -87,22 +87,22 @@ class Moves(Frozen):
     blades: Floats
 
     def __len__(self) -> int:
-        """Number of moves."""
+        """Return the number of moves."""
         return len(self.knives)
 
 
 @dataclass(frozen=True, eq=False)
 class KnifeSteps(Frozen):
-    """What the head does in order of u, each row once, the first time the tape gets there.
+    """Steps of the head in order of u, each done once, the first time the tape gets there.
 
-    Row 0 is how the head stands at u = 0. The first row at every u is a FEED, so everything is linear between rows.
+    Row 0 is the state of the head at u = 0. The first row at every u is a FEED, so everything is linear between rows.
 
     Attributes:
-        u: (s,) metres, never falling.
+        u: (s,) metres, not decreasing.
         kinds: (s,) `Step` of each row.
         knives: (s,) the knife that moves or switches, 0 for a FEED.
         poses: (s, 4) v, d, q, e after the row, in metres and radians.
-        raised: (k,) rising numbers of rows after which no knife is down; the first is 0, the last is s.
+        raised: (k,) increasing numbers of rows after which no knife is down; the first is 0, the last is s.
     """
 
     u: Floats
@@ -112,28 +112,28 @@ class KnifeSteps(Frozen):
     raised: Ints
 
     def __len__(self) -> int:
-        """Number of steps."""
+        """Return the number of steps."""
         return len(self.u)
 
     def before(self, u: float) -> int:
-        """Number of rows that are done when the tape has only just come to `u` (metres)."""
+        """Return the number of rows done when the tape has only just reached `u` (metres)."""
         return int(np.searchsorted(self.u, u - TOUCH, side="left"))
 
     def through(self, u: float) -> int:
-        """Number of rows that are done when everything at `u` (metres) is done."""
+        """Return the number of rows done when everything at `u` (metres) is done."""
         return int(np.searchsorted(self.u, u + TOUCH, side="right"))
 
     def settled(self, done: int) -> int:
-        """Least number of rows, from `done` on, after which no knife is down: the sweeps in progress are finished."""
+        """Return the least number of rows, at least `done`, after which all sweeps in progress are finished."""
         return int(self.raised[np.searchsorted(self.raised, done)])
 
     def rests(self, first: int, last: int) -> int:
-        """Number of places where the rows from `first` up to, not with, `last` make the tape wait."""
+        """Return the number of places where the rows from `first` to before `last` make the tape wait."""
         kinds = self.kinds[first:last]
         return len(np.unique(self.u[first:last][(kinds == Step.MOVE) | (kinds == Step.CUT)]))
 
     def at(self, u: Floats, done: Ints) -> Floats:
-        """Slides and blades (n, 4) at `u` with the first `done` rows done; tape taken back leaves them where they are.
+        """Return slides and blades (n, 4) at `u` with the first `done` rows done; taking tape back does not move them.
 
         Args:
             u: (n,) metres.
@@ -142,7 +142,7 @@ class KnifeSteps(Frozen):
         last, following = done - 1, np.minimum(done, len(self) - 1)
         span = self.u[following] - self.u[last]
         share = np.clip((u - self.u[last]) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
-        # A row at rest is an act of its own: the knives stand still until it is done.
+        # A step at rest is atomic: the knives stand still until it is done.
         share = np.where(span > 0.0, share, 0.0)[:, None]
         poses: Floats = self.poses[last] + share * (self.poses[following] - self.poses[last])
         return poses
@@ -150,31 +150,31 @@ class KnifeSteps(Frozen):
 
 @dataclass(frozen=True, eq=False)
 class TapePlan(Frozen):
-    """A ply on the tape: where its courses lie, what is wasted before each, and who cuts it when.
+    """A ply on the tape: the stations of its courses, the waste before each, and the cuts by knife and u.
 
-    The head's way through it, course by course: rows `changing` (only before a new roll: feed to the roll's u, change
-    it), rows `threading`, back or on to u = `begins`, shoe down, rows `laying` up to u = `ends`, shoe up. Rows after
-    the last course's are done with the head in the air.
+    For each course the head does the rows `changing` (only before a new roll: feed to the roll's u, change it), does
+    the rows `threading`, feeds back or on to u = `begins`, lowers the shoe, does the rows `laying` up to u = `ends` and
+    raises the shoe. Rows after those of the last course are done with the head in the air.
 
     Attributes:
-        head: the measures it was made for.
+        head: the dimensions it was made for.
         lengths: (n,) metres, laid length of each course.
         stations: (n,) metres, station of each course's start.
         rolls: (n,) number of each course's roll, from 0.
         roll_u: (m,) metres, u at which each roll's leading edge stands at knife 1.
-        waste_roll: (n,) metres of tape before the course left between knife and nip for a roll change.
-        waste_formula: (n,) metres of tape before the course that the angles and the scrap margin ask for.
-        waste_knives: (n,) metres of tape before the course until every sweep finds a free knife.
+        waste_roll: (n,) metres wasted before the course between knife and nip, for a roll change.
+        waste_formula: (n,) metres wasted before the course for the angles and the scrap margin.
+        waste_knives: (n,) metres wasted before the course until a knife is free for every sweep.
         course_cuts: (n, 2) index of the cut at each course's start and end.
         cuts: the cuts.
         moves: the raised moves between them.
         steps: cuts and moves in order of u.
         begins: (n,) metres, u with each course's first point under the nip.
         ends: (n,) metres, u with each course's last point under the nip.
-        changing: (n, 2) first row and row after the last, done before the roll is changed for the course.
-        threading: (n, 2) the same, done while the course's tape is fed to the nip, before the shoe is down.
-        laying: (n, 2) the same, done while the course is laid.
-        threaded: (n,) metres, highest u of the threading; beyond `begins` where a sweep has to be finished first.
+        changing: (n, 2) first row and row after the last of those done before the roll is changed for the course.
+        threading: (n, 2) the same for rows done while the course's tape is fed to the nip, before the shoe is down.
+        laying: (n, 2) the same for rows done while the course is laid.
+        threaded: (n,) metres, highest u of the threading; beyond `begins` if a sweep has to be finished first.
         taken_back: (n,) metres of tape taken back before the course.
     """
 
@@ -199,27 +199,27 @@ class TapePlan(Frozen):
     taken_back: Floats
 
     def __len__(self) -> int:
-        """Number of courses."""
+        """Return the number of courses."""
         return len(self.stations)
 
     @property
     def waste(self) -> Floats:
-        """Tape (n,) in metres that is wasted before each course."""
+        """Return the tape (n,) in metres that is wasted before each course."""
         return self.waste_roll + self.waste_formula + self.waste_knives
 
     @property
     def used(self) -> float:
-        """Tape from the first leading edge to the last course's end, laid or wasted, in metres."""
+        """Return the tape from the first leading edge to the last course's end, laid or wasted, in metres."""
         return float(self.stations[-1] + self.lengths[-1])
 
     @property
     def waste_percent(self) -> float:
-        """Wasted part of the tape used, in percent."""
+        """Return the wasted part of the tape used, in percent."""
         return 100.0 * float(np.sum(self.waste)) / self.used
 
     @property
     def laying_stops(self) -> Ints:
-        """Number (n,) of places where the tape waits while each course is laid."""
+        """Return the number (n,) of places where the tape waits while each course is laid."""
         return np.array([self.steps.rests(first, last) for first, last in self.laying], dtype=np.int64)
 
 
@@ -231,17 +231,17 @@ def plan_tape(
     wraps: Floats,
     turning_at_rest: frozenset[int] = frozenset(),
 ) -> TapePlan:
-    """Put the courses of a ply on the tape and share their cuts out to the two knives.
+    """Put the courses of a ply on the tape and assign their cuts to the two knives.
 
-    A trailing cut and the next leading cut at one angle are one cut where a knife is free for what follows. Otherwise
-    each course starts at the smallest station, not below the formula's, at which both its sweeps find a free knife. Of
-    all ways to hand out the sweeps that reach these stations, the one with the fewest waits is taken, then the one with
-    the most feed to make raised moves in, then the one with the fewest crossings. A roll's leading edge counts as a
-    square cut that is never shared, and no sweep on it begins before it stands at knife 1.
+    A trailing cut and the next leading cut at the same angle are one cut if a knife is free for the next sweep.
+    Otherwise each course starts at the smallest station, not below the formula's, at which a knife is free for both its
+    sweeps. Of all assignments that reach these stations, the one with the fewest waits is chosen, then the one with the
+    most feed for raised moves, then the one with the fewest crossings. A roll's leading edge counts as a square cut
+    that is never shared, and no sweep on the roll begins before the edge is at knife 1.
 
     Args:
-        head: the head's measures.
-        numbers: the n courses' numbers in their file, for the messages.
+        head: the head's dimensions.
+        numbers: the n courses' numbers in their file, for messages.
         lengths: (n,) metres.
         cut_angles: (n, 2) radians at the start and end, from travel towards the left.
         wraps: (n, 2) metres by which the tape path from knife to nip is shorter than on a level surface (R beta, as
@@ -260,22 +260,22 @@ def plan_tape(
         raise ValueError(
             f"{count} courses do not fit {lengths.shape} lengths, {cut_angles.shape} cut angles, {wraps.shape} wraps"
         )
-    placed = assign_stations(head, numbers, lengths, cut_angles, wraps)
-    cuts, moves = _work(head, placed)
+    assignment = assign_stations(head, numbers, lengths, cut_angles, wraps)
+    cuts, moves = _work(head, assignment)
     steps = _steps(head, cuts, moves, turning_at_rest)
-    begins = placed.stations + head.knife_to_nip - wraps[:, 0]
-    ends = placed.stations + lengths + head.knife_to_nip - wraps[:, 1]
-    passes = _passes(steps, begins, ends, placed.rolls, placed.roll_u)
+    begins = assignment.stations + head.knife_to_nip - wraps[:, 0]
+    ends = assignment.stations + lengths + head.knife_to_nip - wraps[:, 1]
+    passes = _passes(steps, begins, ends, assignment.rolls, assignment.roll_u)
     return TapePlan(
         head=head,
         lengths=lengths,
-        stations=placed.stations,
-        rolls=placed.rolls,
-        roll_u=placed.roll_u,
-        waste_roll=placed.waste[:, 0],
-        waste_formula=placed.waste[:, 1],
-        waste_knives=placed.waste[:, 2],
-        course_cuts=placed.course_cuts,
+        stations=assignment.stations,
+        rolls=assignment.rolls,
+        roll_u=assignment.roll_u,
+        waste_roll=assignment.waste[:, 0],
+        waste_formula=assignment.waste[:, 1],
+        waste_knives=assignment.waste[:, 2],
+        course_cuts=assignment.course_cuts,
         cuts=cuts,
         moves=moves,
         steps=steps,
@@ -289,28 +289,28 @@ def plan_tape(
     )
 
 
-def _work(head: Head, placed: Assignment) -> tuple[Cuts, Moves]:
-    """The cuts with the sweeps that make them, and the raised moves between the sweeps."""
-    count = len(placed.made)
+def _work(head: Head, assignment: Assignment) -> tuple[Cuts, Moves]:
+    """Return the cuts with the sweeps that make them, and the raised moves between the sweeps."""
+    count = len(assignment.made)
     ending, starting = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
-    starting[placed.course_cuts[:, 0]] = np.arange(len(placed.stations))
-    ending[placed.course_cuts[:, 1]] = np.arange(len(placed.stations))
-    side = np.array([made.start for made in placed.made])
+    starting[assignment.course_cuts[:, 0]] = np.arange(len(assignment.stations))
+    ending[assignment.course_cuts[:, 1]] = np.arange(len(assignment.stations))
+    side = np.array([made.start for made in assignment.made])
     cuts = Cuts(
-        stations=placed.cut_stations,
-        angles=placed.cut_angles,
-        square=placed.square,
+        stations=assignment.cut_stations,
+        angles=assignment.cut_angles,
+        square=assignment.square,
         ending=ending,
         starting=starting,
-        knives=np.array([made.knife + 1 for made in placed.made]),
-        u=np.array([(made.begin, made.end) for made in placed.made]),
+        knives=np.array([made.knife + 1 for made in assignment.made]),
+        u=np.array([(made.begin, made.end) for made in assignment.made]),
         slides=head.half_sweep * np.column_stack([side, -side]),
-        blades=np.array([made.blade for made in placed.made]),
+        blades=np.array([made.blade for made in assignment.made]),
     )
     moved = [
-        cut for cut, made in enumerate(placed.made) if (made.left_side, made.left_blade) != (made.start, made.blade)
+        cut for cut, made in enumerate(assignment.made) if (made.left_side, made.left_blade) != (made.start, made.blade)
     ]
-    left = np.array([(made.left_u, made.left_side, made.left_blade) for made in placed.made])[moved]
+    left = np.array([(made.left_u, made.left_side, made.left_blade) for made in assignment.made])[moved]
     begin = cuts.u[moved, 0]
     waits = begin - left[:, 0] <= LEAST_FEED
     moves = Moves(
@@ -324,7 +324,7 @@ def _work(head: Head, placed: Assignment) -> tuple[Cuts, Moves]:
 
 
 class _Node(NamedTuple):
-    """A knife (0 or 1) at a place of its way: u, slide and blade there, and how it got there."""
+    """A node of a knife's path: u, slide and blade there, and the step that leads there."""
 
     u: float
     kind: Step
@@ -333,7 +333,7 @@ class _Node(NamedTuple):
 
 
 def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int, turns_at_rest: bool) -> list[_Node]:
-    """A knife's way through the ply, in order; a blade that turns at rest does so at the end of its slide's move."""
+    """Return a knife's path through the ply, in order; a blade that turns at rest does so after its slide's move."""
     own = np.flatnonzero(cuts.knives == knife + 1)
     move_to = dict(zip(moves.cuts.tolist(), range(len(moves)), strict=True))
     side, blade = (LEFT, RIGHT)[knife] * head.half_sweep, float(cuts.blades[own[0]]) if len(own) else 0.0
@@ -345,11 +345,11 @@ def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int, turns_at_rest: bool
             moved_from = float(moves.slides[move, 0]), float(moves.blades[move, 0])
             nodes.append(_Node(float(moves.u[move, 0]), Step.FEED, *moved_from))
             waits = moves.u[move, 0] == moves.u[move, 1]
-            way = Step.MOVE if waits else Step.FEED
+            step = Step.MOVE if waits else Step.FEED
             if turns_at_rest and blade != moved_from[1]:
-                nodes.append(_Node(begin, way, start, moved_from[1]))
-                way = Step.MOVE
-            nodes.append(_Node(begin, way, start, blade))
+                nodes.append(_Node(begin, step, start, moved_from[1]))
+                step = Step.MOVE
+            nodes.append(_Node(begin, step, start, blade))
         nodes.append(_Node(begin, Step.DOWN, start, blade))
         nodes.append(_Node(end, Step.CUT if cuts.square[cut] else Step.FEED, stop, blade))
         nodes.append(_Node(end, Step.UP, stop, blade))
@@ -357,9 +357,9 @@ def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int, turns_at_rest: bool
 
 
 def _steps(head: Head, cuts: Cuts, moves: Moves, turning_at_rest: frozenset[int]) -> KnifeSteps:
-    """Both knives' ways as one, in order of u."""
-    ways = [_nodes(head, cuts, moves, knife, knife + 1 in turning_at_rest) for knife in (0, 1)]
-    nodes = [node for way in ways for node in way]
+    """Return the paths of both knives merged, in order of u."""
+    paths = [_nodes(head, cuts, moves, knife, knife + 1 in turning_at_rest) for knife in (0, 1)]
+    nodes = [node for path in paths for node in path]
     exact = np.array([node.u for node in nodes])
     order = np.argsort(exact, kind="stable")
     parted = np.diff(exact[order], prepend=-math.inf) > TOUCH
@@ -368,16 +368,16 @@ def _steps(head: Head, cuts: Cuts, moves: Moves, turning_at_rest: frozenset[int]
     place = np.empty(len(exact), dtype=np.int64)
     place[order] = np.cumsum(parted) - 1
     kind = np.array([node.kind for node in nodes], dtype=np.uint8)
-    knife = np.repeat([1, 2], [len(way) for way in ways])
+    knife = np.repeat([1, 2], [len(path) for path in paths])
 
-    # First how the knives stand on arrival at every place, then what is done there.
+    # First the poses of the knives on arrival at every place, then the steps done there.
     poses = np.empty((count, 4))
     for column, number in ((0, 1), (2, 2)):
         own = knife == number
-        way = np.array([(node.slide, node.blade) for node in ways[number - 1]])
-        poses[:, column : column + 2] = _on_arrival(places, place[own], way)
+        path = np.array([(node.slide, node.blade) for node in paths[number - 1]])
+        poses[:, column : column + 2] = _on_arrival(places, place[own], path)
     acts = np.flatnonzero(kind != Step.FEED)
-    # A knife that has come to its sweep's end goes up before anything else is done there.
+    # A knife at its sweep's end goes up before anything else is done there.
     later = ~((kind[acts] == Step.UP) & (kind[acts - 1] == Step.FEED))
     rank = np.concatenate([np.full(count, -1), later])
     order = np.lexsort([np.concatenate([np.zeros(count), acts]), rank, np.concatenate([np.arange(count), place[acts]])])
@@ -398,17 +398,17 @@ def _steps(head: Head, cuts: Cuts, moves: Moves, turning_at_rest: frozenset[int]
     )
 
 
-def _on_arrival(places: Floats, at: Ints, way: Floats) -> Floats:
-    """Slide and blade (p, 2) on arrival at (p,) places, of a knife with the poses `way` (n, 2) at places[at]."""
+def _on_arrival(places: Floats, at: Ints, poses: Floats) -> Floats:
+    """Return slide and blade (p, 2) on arrival at places (p,), of a knife with `poses` (n, 2) at places[at]."""
     index = np.arange(len(places))
     following = np.minimum(np.searchsorted(at, index), len(at) - 1)
     last = np.maximum(following - 1, 0)
     span = places[at[following]] - places[at[last]]
     share = np.clip((places - places[at[last]]) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)[:, None]
-    poses: Floats = np.where(
-        (at[following] <= index)[:, None], way[following], way[last] + share * (way[following] - way[last])
+    arrived: Floats = np.where(
+        (at[following] <= index)[:, None], poses[following], poses[last] + share * (poses[following] - poses[last])
     )
-    return poses
+    return arrived
 
 
 class _Passes(NamedTuple):
@@ -420,7 +420,7 @@ class _Passes(NamedTuple):
 
 
 def _passes(steps: KnifeSteps, begins: Floats, ends: Floats, rolls: Ints, roll_u: Floats) -> _Passes:
-    """Rows done before a roll change, while threading and while laying, and how far the tape goes out and back."""
+    """Return the rows done before a roll change, while threading and while laying, and how far the tape is threaded."""
     count = len(begins)
     changing, threading, laying = (np.zeros((count, 2), dtype=np.int64) for _ in range(3))
     threaded, taken_back = np.array(begins), np.zeros(count)

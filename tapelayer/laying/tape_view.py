@@ -1,4 +1,4 @@
-"""Tape view of a page: the tape with its courses, waste and cuts, drawn and in tables."""
+"""Tape view: the tape with its courses, waste and cuts, drawn and in tables for the report's page."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from tapelayer.reporting.words import plain, shown
 from tapelayer.units import DEG, MM
 from tapelayer.verification.limits import Limits
 
-# A strip of tape in pixels. A tape that takes more than `STRIPS` strips of this height is drawn smaller, down to the
-# least height; where it then takes more than `MOST_STRIPS`, the page says how far it is drawn.
+# A strip of tape in pixels. A tape that needs more than `STRIPS` strips of this height is drawn smaller, down to the
+# least height; if it still needs more than `MOST_STRIPS`, the page says up to where it is drawn.
 WIDTH, MARGIN = 968.0, 24.0
 HEIGHT, LEAST_HEIGHT, MOST_HEIGHT = 48.0, 12.0, 64.0
 STRIPS, MOST_STRIPS = 12, 60
-# Between two lines of the hatch, in pixels.
+# Distance between two lines of the hatch, in pixels.
 HATCH = 6.0
-# Rows of each table; beyond them the page gives a count.
+# Most rows of each table; the page counts the others.
 SHOWN_ROWS = 200
 
 WASTES = {
@@ -38,11 +38,11 @@ LEGEND = {"roll": "A roll begins", "first": "Knife 1", "second": "Knife 2", "ove
 
 
 def tape_view(evidence: Evidence, report: dict[str, Any]) -> list[Element]:
-    """The tape to scale, then its ledger by course, then its cuts.
+    """Return the tape to scale, then its ledger by course, then its cuts.
 
     Args:
-        evidence: what verification measured.
-        report: plain values of the evidence.
+        evidence: the measurements of verification.
+        report: its report as plain values.
     """
     tape, limits = evidence.tape, evidence.limits
     if not (tape.rows and all(math.isfinite(row.station) for row in tape.rows)):
@@ -59,13 +59,13 @@ def tape_view(evidence: Evidence, report: dict[str, Any]) -> list[Element]:
 
 
 def _rest(count: int, what: str) -> list[Element]:
-    """How many rows a table leaves out."""
+    """Return a note on the number of rows that a table leaves out, if any."""
     more = count - SHOWN_ROWS
     return [element("p", f"and {more:,} more {what}{'s' if more > 1 else ''}", class_="note")] if more > 0 else []
 
 
 def _ledger(report: dict[str, Any]) -> Element:
-    """The tape by course, and of all."""
+    """Return the table of the tape by course, with totals."""
     courses = report["tape"]
     rows: list[list[Element | str]] = [
         [
@@ -81,7 +81,7 @@ def _ledger(report: dict[str, Any]) -> Element:
 
 
 def _cuts(cuts: Sequence[CutMade], limits: Limits) -> Element:
-    """The cuts in the order of the tape; what is beyond its limit is red."""
+    """Return the table of the cuts in order along the tape; values beyond their limit are red."""
     rows: list[list[Element | str]] = [
         [
             f"{cut.station / MM:z,.2f}",
@@ -114,13 +114,13 @@ def _colour(cut: CutMade) -> str:
 
 
 def _drawing(tape: TapeLedger, width: float, limits: Limits) -> list[Element]:
-    """The tape of a width in millimetres to scale, broken into strips, below what its colours mean."""
+    """Return the tape of a width in millimetres to scale, broken into strips, under a legend of its colours."""
     laid, uncut = _courses(tape)
     waste, rolls = _waste(laid, np.array([row.waste_roll for row in tape.rows]) / MM)
     lines = {"roll": rolls, **_cut_lines(tape.cuts, uncut, limits)}
     numbers = [str(row.course) for row in tape.rows]
     slants = np.abs(laid[:, 1::2]) * width / 2
-    # Room for the thickness of the lines at both ends.
+    # Leave space for the thickness of the lines at both ends.
     low = min(0.0, float(np.min(laid[:, 0] - slants[:, 0]))) - width / 20
     high = float(np.max(laid[:, 2] + slants[:, 1])) + width / 20
     full = (high - low) * HEIGHT / width / WIDTH
@@ -144,24 +144,24 @@ def _drawing(tape: TapeLedger, width: float, limits: Limits) -> list[Element]:
 
 
 def _courses(tape: TapeLedger) -> tuple[Floats, Floats]:
-    """Lines (n, 4) between which the courses lie, and (k, 2) the ones that were not cut, here drawn square.
+    """Return the pairs of lines (n, 4) between which the courses lie, and the lines (k, 2) not cut, drawn square here.
 
-    A line across the tape is its station in millimetres and its slope, along over across.
+    A line across the tape is given by its station in millimetres and its slope, along over across.
     """
     slopes = {(cut.starting, 0): 1 / math.tan(cut.angle) for cut in tape.cuts}
     slopes |= {(cut.ending, 1): 1 / math.tan(cut.angle) for cut in tape.cuts}
     stations = np.array([[row.station, row.station + row.length] for row in tape.rows]) / MM
-    found = np.array([[slopes.get((row.course, end), math.nan) for end in (0, 1)] for row in tape.rows])
-    lines = np.stack([stations, np.nan_to_num(found)], axis=2)
-    return lines.reshape(-1, 4), lines[np.isnan(found)]
+    made = np.array([[slopes.get((row.course, end), math.nan) for end in (0, 1)] for row in tape.rows])
+    lines = np.stack([stations, np.nan_to_num(made)], axis=2)
+    return lines.reshape(-1, 4), lines[np.isnan(made)]
 
 
 def _waste(laid: Floats, rolls: Floats) -> tuple[Floats, Floats]:
-    """Lines (m, 4) between which the tape is waste, and (k, 2) at which a roll begins.
+    """Return the pairs of lines (m, 4) between which the tape is waste, and the lines (k, 2) at which a roll begins.
 
     Args:
-        laid: (n, 4) as `_courses`.
-        rolls: (n,) millimetres of tape left for a new roll before each course.
+        laid: (n, 4) as from `_courses`.
+        rolls: (n,) millimetres of tape wasted for a new roll before each course.
     """
     before = np.vstack([np.zeros((1, 2)), laid[:-1, 2:]])
     fresh = rolls > 0.0
@@ -171,7 +171,7 @@ def _waste(laid: Floats, rolls: Floats) -> tuple[Floats, Floats]:
 
 
 def _cut_lines(cuts: Sequence[CutMade], uncut: Floats, limits: Limits) -> dict[str, Floats]:
-    """Lines (k, 2) of the cuts by style; `over` are those beyond a limit and those that were not cut (j, 2)."""
+    """Return the lines (k, 2) of the cuts by style; `over` are those beyond a limit and the `uncut` ones (j, 2)."""
     lines = np.array([[cut.station / MM, 1 / math.tan(cut.angle)] for cut in cuts]).reshape(-1, 2)
     errors = np.array([[cut.error / MM, cut.blade_error / DEG] for cut in cuts]).reshape(-1, 2)
     kept = np.all(errors <= [limits[CUT].value, limits[BLADE].value], axis=1)
@@ -185,13 +185,13 @@ def _cut_lines(cuts: Sequence[CutMade], uncut: Floats, limits: Limits) -> dict[s
 
 @dataclass(frozen=True)
 class _TapeStrip:
-    """A strip of the tape; its pixels count from its left edge and from the tape's left edge down.
+    """A strip of the tape; its pixels count from its left end, and from the tape's left edge downwards.
 
     Attributes:
         begin: station of its left end, millimetres.
         end: station of its right end, millimetres.
-        scale: pixels a millimetre.
-        height: pixels of the tape's width.
+        scale: pixels per millimetre.
+        height: the tape's width in pixels.
     """
 
     begin: float
@@ -200,7 +200,7 @@ class _TapeStrip:
     height: float
 
     def figure(self, drawn: Sequence[Element]) -> Element:
-        """The strip with its stations below."""
+        """Return the strip with its stations below."""
         length = (self.end - self.begin) * self.scale
         tape = element("svg", *drawn, x=px(MARGIN), y=4, width=px(length), height=px(self.height))
         bottom = 4 + self.height
@@ -213,58 +213,58 @@ class _TapeStrip:
         return svg(WIDTH + 2 * MARGIN, bottom + 20, *nodes, label=label)
 
     def _corners(self, lines: Floats) -> Floats:
-        """Places (n, 2) along the strip where lines (n, 2) meet the tape's left edge and its right one, pixels."""
+        """Return the pixels (n, 2) along the strip where lines (n, 2) meet the tape's left and right edges."""
         middle = (lines[:, :1] - self.begin) * self.scale
         corners: Floats = middle + lines[:, 1:] * self.height / 2 * np.array([1.0, -1.0])
         return corners
 
     def across(self, lines: Floats) -> str:
-        """Path of lines (n, 2)."""
+        """Return the SVG path of lines (n, 2)."""
         corners = self._corners(lines)
         seen = (np.max(corners, axis=1) >= -4) & (np.min(corners, axis=1) <= WIDTH + 4)
         return "".join(f"M{px(left)} 0L{px(right)} {px(self.height)}" for left, right in corners[seen].tolist())
 
     def _pieces(self, pieces: Floats) -> Floats:
-        """Corners (m, 4) of those pieces (n, 4) that are seen in the strip, between two lines each."""
+        """Return the corners (m, 4) of those pieces (n, 4), each between two lines, that show in the strip."""
         corners = np.hstack([self._corners(pieces[:, :2]), self._corners(pieces[:, 2:])])
         seen: Floats = corners[(np.max(corners, axis=1) >= 0) & (np.min(corners, axis=1) <= WIDTH)]
         return seen
 
     def outlines(self, pieces: Floats) -> str:
-        """Path round pieces (n, 4) of tape."""
+        """Return the SVG path round pieces (n, 4) of tape."""
         down = px(self.height)
         return "".join(
             f"M{px(a)} 0L{px(b)} {down}L{px(d)} {down}L{px(c)} 0z" for a, b, c, d in self._pieces(pieces).tolist()
         )
 
     def hatch(self, pieces: Floats) -> str:
-        """Path of the lines x + y = c, every few pixels, as far as they lie in pieces (n, 4) of tape."""
+        """Return the SVG path of the lines x + y = c, `HATCH` pixels apart, clipped to pieces (n, 4) of tape."""
         parts = []
         for a, b, c, d in self._pieces(pieces).tolist():
             least, most = max(min(a, b), 0.0), min(max(c, d), WIDTH) + self.height
             sums = np.arange(math.ceil(least / HATCH), math.floor(most / HATCH) + 1) * HATCH
             top, bottom = np.zeros_like(sums), np.full_like(sums, self.height)
-            # At y the piece goes from a + (b - a) y / height to c + (d - c) y / height; inside, room + rate y >= 0.
-            for room, rate in ((sums - a, -1 - (b - a) / self.height), (c - sums, 1 + (d - c) / self.height)):
+            # At y the piece runs from a + (b - a) y / height to c + (d - c) y / height; inside it, slack + rate y >= 0.
+            for slack, rate in ((sums - a, -1 - (b - a) / self.height), (c - sums, 1 + (d - c) / self.height)):
                 if rate > 0.0:
-                    top = np.maximum(top, -room / rate)
+                    top = np.maximum(top, -slack / rate)
                 elif rate < 0.0:
-                    bottom = np.minimum(bottom, -room / rate)
+                    bottom = np.minimum(bottom, -slack / rate)
                 else:
-                    bottom = np.where(room >= 0.0, bottom, -1.0)
+                    bottom = np.where(slack >= 0.0, bottom, -1.0)
             inside = top < bottom
             ends = np.column_stack([sums - top, top, sums - bottom, bottom])[inside]
             parts += [f"M{px(x)} {px(y)}L{px(u)} {px(v)}" for x, y, u, v in ends.tolist()]
         return "".join(parts)
 
     def labels(self, laid: Floats, numbers: Sequence[str]) -> list[Element]:
-        """Course numbers in the middle of what is seen of each course, where there is room."""
+        """Return the course numbers, in the middle of the visible part of each course that has space for its number."""
         lefts = np.maximum((laid[:, 0] - self.begin) * self.scale, 0.0)
         rights = np.minimum((laid[:, 2] - self.begin) * self.scale, (self.end - self.begin) * self.scale)
-        room = rights - lefts - [7 * len(number) + 6 for number in numbers]
+        space = rights - lefts - [7 * len(number) + 6 for number in numbers]
         return [
             element(
                 "text", numbers[i], x=px((lefts[i] + rights[i]) / 2), y=px(self.height / 2 + 4), class_="number middle"
             )
-            for i in np.flatnonzero(room > 0.0).tolist()
+            for i in np.flatnonzero(space > 0.0).tolist()
         ]

@@ -1,4 +1,4 @@
-"""Stretches: where a program has the arc on, as samples, and how near these are to a way and to facets."""
+"""Arc runs: where a program has the arc on, pass by pass, and samples along these blocks."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from tapelayer.motion.trajectory import MOTIONS, Event, Trajectory
 from tapelayer.vectors import ramp
 from tapelayer.verification.sampling import sample_counts
 
-# Between two block ends a pass is looked at at least every so many metres.
+# Largest distance between the samples of a pass, in metres.
 SPRAYED_SAMPLE_STEP = 2.5e-3
 
 
 @dataclass(frozen=True, eq=False)
 class ArcRun:
-    """Blocks of one pass from where the arc goes on, or the pass begins, to where it goes off, or the pass ends.
+    """Consecutive blocks of one pass with the arc on: from ARC_ON or the pass's start to ARC_OFF or its end.
 
     Attributes:
-        index: of the pass.
+        index: index of the pass.
         blocks: (b,) motions with the arc on.
-        linked: whether the arc was on already.
+        linked: whether the arc was already on when the run began.
     """
 
     index: int
@@ -31,7 +31,7 @@ class ArcRun:
 
 
 def arc_on(trajectory: Trajectory) -> Mask:
-    """Motions (n,) with the arc on."""
+    """Return a mask (n,) of the motions with the arc on."""
     last = np.maximum.accumulate(
         np.where(np.isin(trajectory.events, (Event.ARC_ON, Event.ARC_OFF)), np.arange(len(trajectory)), -1)
     )
@@ -40,7 +40,7 @@ def arc_on(trajectory: Trajectory) -> Mask:
 
 
 def arc_runs_of(trajectory: Trajectory) -> list[ArcRun]:
-    """Every stretch with the arc on, pass by pass."""
+    """Return every run of blocks with the arc on, pass by pass."""
     rows = np.flatnonzero(arc_on(trajectory) & (trajectory.courses >= 0))
     if not len(rows):
         return []
@@ -55,16 +55,16 @@ def arc_runs_of(trajectory: Trajectory) -> list[ArcRun]:
 
 
 def sampled(trajectory: Trajectory, blocks: Ints) -> tuple[Floats, Floats, Ints]:
-    """Joint values (n, k), times (n,) in seconds and blocks (n,) at the ends of blocks (b,) and between."""
-    counts = sample_counts(ways_of(trajectory, blocks), SPRAYED_SAMPLE_STEP)
+    """Return joint values (n, k), times (n,) in seconds and blocks (n,) of samples in blocks (b,)."""
+    counts = sample_counts(lengths_of(trajectory, blocks), SPRAYED_SAMPLE_STEP)
     block, step = ramp(counts)
     rows, fractions = np.append(blocks[0], blocks[block]), np.append(0.0, (step + 1) / counts[block])
     times = trajectory.times[rows] - (1.0 - fractions) * trajectory.durations[rows]
     return trajectory.within(rows, fractions), times, rows
 
 
-def ways_of(trajectory: Trajectory, blocks: Ints) -> Floats:
-    """Way (b,) of P in the blocks, in metres; that of a circular block is its chord."""
+def lengths_of(trajectory: Trajectory, blocks: Ints) -> Floats:
+    """Return the distance (b,) that P moves in each block, in metres; the chord for a circular block."""
     steps = trajectory.positions[blocks, :3] - trajectory.begins(blocks)[:, :3]
     lengths: Floats = np.linalg.norm(steps, axis=1)
     return lengths

@@ -1,4 +1,4 @@
-"""Coat: what a program leaves on the part, from the places and times that were measured with the arc on."""
+"""Coat: the thickness that a program leaves on the part, computed from the samples measured with the arc on."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from tapelayer.spraying.reach import Reach
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import MM
 
-# Samples of the surface in a spot's diameter, and spots in the footprint's reach.
+# Surface samples per spot diameter, and spots per radius of the footprint.
 _SURFACE_SAMPLES = 8
 _SPOTS = 10
 
 
 @dataclass(frozen=True, eq=False)
 class Coat(Frozen):
-    """What is on the surface after a program.
+    """The coating on the surface after a program.
 
     Attributes:
-        surface: samples of what can be reached, in `machine`.
-        spacing: distance of samples at most, metres.
-        thickness: (m,) metres, or relative to their mean.
-        relative: whether the thickness is relative, because the setup has no rate.
-        evenness: of the thickness.
+        surface: samples of the surface that can be reached, in `machine`.
+        spacing: largest distance between samples, metres.
+        thickness: (m,) metres, or relative to the mean.
+        relative: whether the thickness is relative, because the setup gives no rate.
+        evenness: how even the thickness is.
     """
 
     surface: Surface
@@ -48,11 +48,11 @@ class Coat(Frozen):
 
 
 def coat_of(samples: SpraySamples, reach: Reach, setup: SpraySetup) -> Coat:
-    """The coat that a program leaves by arc spraying; layers add up.
+    """Return the coat that an arc spraying program leaves; layers add up.
 
     Args:
-        samples: places and times with the arc on.
-        reach: the surface and what of it can be reached.
+        samples: measured with the arc on.
+        reach: the surface and the part of it that can be reached.
         setup: the job's values.
 
     Raises:
@@ -61,9 +61,9 @@ def coat_of(samples: SpraySamples, reach: Reach, setup: SpraySetup) -> Coat:
     footprint, spot = footprint_of(setup), setup.spray.spot_mm * MM
     spacing = spot / _SURFACE_SAMPLES
     seen, border = surface_from_above(reach.mesh, spacing, setup.spray.min_normal_z)
-    held = reach.holds(seen.points, seen.normals)
-    surface = seen.only(held)
-    inside = inside_of(surface, np.vstack([border, seen.points[~held]]), spot / 2)
+    reached = reach.holds(seen.points, seen.normals)
+    surface = seen.only(reached)
+    inside = inside_of(surface, np.vstack([border, seen.points[~reached]]), spot / 2)
     amount = exposure(footprint, setup.standoff, _spots(samples, footprint.reach / _SPOTS), surface)
     rate = setup.footprint.rate_mm3_per_s
     if rate is not None:
@@ -75,15 +75,15 @@ def coat_of(samples: SpraySamples, reach: Reach, setup: SpraySetup) -> Coat:
 
 
 def growth(coat: Coat, samples: SpraySamples, setup: SpraySetup, chosen: Mask, moments: int) -> tuple[Floats, Floats]:
-    """Times (k,) in seconds, and the thickness (j, k) then, as `Coat.thickness`, of some samples of the surface.
+    """Return times (k,) in seconds and the thickness (j, k), as `Coat.thickness`, then, of some surface samples.
 
-    The moments lie evenly in the time with the arc on: nothing is there at the first, the whole coat at the last.
+    The moments divide the time with the arc on evenly: no coat at the first, the whole coat at the last.
 
     Args:
         coat: what the program leaves.
-        samples: places and times with the arc on, as for `coat_of`.
+        samples: measured with the arc on, as for `coat_of`.
         setup: the job's values.
-        chosen: (m,) the j samples of the coat's surface to be looked at.
+        chosen: (m,) True for the j samples of the coat's surface to follow.
         moments: k, 2 or more.
     """
     footprint, surface = footprint_of(setup), coat.surface.only(chosen)
@@ -92,12 +92,12 @@ def growth(coat: Coat, samples: SpraySamples, setup: SpraySetup, chosen: Mask, m
     borders = np.searchsorted(spent, spent[-1] * np.arange(1, moments - 1) / (moments - 1))
     amounts = np.zeros((len(surface.points), moments))
     for moment, rows in enumerate(np.split(np.arange(len(spent)), borders), 1):
-        stretch = Spots(spots.points[rows], spots.axes[rows], spots.seconds[rows])
-        amounts[:, moment] = amounts[:, moment - 1] + exposure(footprint, setup.standoff, stretch, surface)
+        interval = Spots(spots.points[rows], spots.axes[rows], spots.seconds[rows])
+        amounts[:, moment] = amounts[:, moment - 1] + exposure(footprint, setup.standoff, interval, surface)
     final = coat.thickness[chosen]
     total = float(np.sum(amounts[:, -1]))
     thickness = amounts * (float(np.sum(final)) / total if total > 0.0 else 0.0)
-    # Sums in another order differ in their last digits.
+    # Summing in another order changes the last digits.
     thickness[:, -1] = final
 
     steps = np.where(np.diff(samples.pieces) == 0, np.diff(samples.times), 0.0)
@@ -107,7 +107,7 @@ def growth(coat: Coat, samples: SpraySamples, setup: SpraySetup, chosen: Mask, m
 
 
 def _spots(samples: SpraySamples, spacing: float) -> Spots:
-    """Spots of the samples, of which those are left out that are nearer to each other than the spacing asks."""
+    """Return the spots along the samples, with samples left out where they lie closer together than the spacing."""
     cell = np.floor(samples.arc_lengths / spacing)
     kept = np.ones(len(cell), dtype=np.bool_)
     kept[1:-1] = (

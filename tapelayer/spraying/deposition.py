@@ -1,13 +1,13 @@
-"""Thickness: what the gun leaves on a surface, how even it is, and how far apart passes may be.
+"""Deposition: samples of a surface, what the gun deposits on them, and how even the result is.
 
-A footprint is what arrives on a plane square to the gun at the standoff, per square metre and second, of one unit of
-material a second. On any other surface the same rays arrive: with the nozzle at N, the gun's axis g (out of the
+A footprint is the flux on a plane square to the gun at the standoff, per square metre and second, for one unit of
+material per second. The same rays hit any other surface: with the nozzle at N, the gun's axis g (out of the
 surface), and v = s - N to a sample s with the normal n,
 
     depth a = -v . g,   flux = F(H |v - (v . g) g| / a) (H / a)^2 (-v . n) / a
 
-which is the footprint F itself on that plane, falls off with the square of the distance and with the cosine of the
-incidence, and loses nothing: whatever surface catches all rays gets all of the material. Shadows are not looked at.
+which equals the footprint F on that plane, falls off with the square of the distance and with the cosine of the angle
+of incidence, and loses nothing: a surface that catches all rays gets all of the material. Shadows are ignored.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from tapelayer.geometry.slicing import plane_direction, plane_heights, slice, st
 from tapelayer.spraying.footprint import Footprint
 from tapelayer.vectors import dot, ramp
 
-# Samples farther from P than so many reaches of the footprint get nothing; on a slope one is not enough.
+# Samples farther from P than this many footprint radii get nothing; on a slope one radius is not enough.
 _SEARCH = 2.0
 
-# Spots whose samples are looked up at a time.
+# Number of spots processed at a time.
 _CHUNK = 256
 
-# Curves of the surface that end nearer to each other than this go on, metres.
+# Section curves whose ends are closer than this, in metres, are one curve.
 _SAME_PLACE = 1e-6
 
 
@@ -50,18 +50,18 @@ class Surface(Frozen):
     areas: Floats
 
     def only(self, chosen: Mask) -> Surface:
-        """The samples that are chosen by (m,)."""
+        """Return the samples chosen by a mask (m,)."""
         return Surface(self.points[chosen], self.normals[chosen], self.areas[chosen])
 
 
 @dataclass(frozen=True, eq=False)
 class Spots(Frozen):
-    """Places where the gun stays for a moment with the arc on.
+    """Points at which the gun dwells for a moment with the arc on.
 
     Attributes:
         points: (n, 3) P in metres, in the frame of the surface.
         axes: (n, 3) unit gun axis from P to the nozzle.
-        seconds: (n,) how long.
+        seconds: (n,) dwell time.
     """
 
     points: Floats
@@ -71,14 +71,14 @@ class Spots(Frozen):
 
 @dataclass(frozen=True)
 class Evenness:
-    """How even a coating is.
+    """Statistics of how even a coating is.
 
     Attributes:
         mean: area-weighted mean thickness, metres (or relative).
-        cv_percent: standard deviation over mean, by area; NaN where nothing arrived.
-        interior_mean: mean without the border band; NaN where nothing else is there.
-        cv_interior_percent: standard deviation over mean without the border band; NaN where nothing is or arrived.
-        coverage_percent: share of the area with more than half the interior mean; NaN likewise.
+        cv_percent: standard deviation over mean, by area; NaN if nothing arrived.
+        interior_mean: mean without the border band; NaN if there is nothing but the band.
+        cv_interior_percent: standard deviation over mean without the border band; NaN if that is empty or got nothing.
+        coverage_percent: share of the area with more than half the interior mean; NaN in the same cases.
     """
 
     mean: float
@@ -89,14 +89,14 @@ class Evenness:
 
 
 def surface_from_above(mesh: Mesh, spacing: float, min_normal_z: float) -> tuple[Surface, Floats]:
-    """Samples of what a vertical ray from above meets first, and points (k, 3) of its border in metres.
+    """Return samples of the surface that vertical rays from above hit first, and points (k, 3) of its border in metres.
 
-    Samples lie on sections a spacing apart, no farther from each other along them. The border is where sections along x
-    and along y end: the surface's edge, a hole, a step, the rim of what is too steep.
+    Samples lie on sections one spacing apart, and along a section no farther apart than that. The border is where
+    sections along x and along y end: the surface's edge, a hole, a step, the rim of an area that is too steep.
 
     Args:
         mesh: the surface.
-        spacing: distance of samples in metres.
+        spacing: distance between samples in metres.
         min_normal_z: least |nz| of a facet to be sprayed, above 0.
     """
     borders = []
@@ -117,7 +117,7 @@ def surface_from_above(mesh: Mesh, spacing: float, min_normal_z: float) -> tuple
 
 
 def inside_of(surface: Surface, border: Floats, band: float) -> Mask:
-    """Whether samples (m,) are farther than `band` metres from every one of the (k, 3) border points."""
+    """Return a mask (m,) of the samples farther than `band` metres from all (k, 3) border points."""
     if not len(border):
         return np.ones(len(surface.points), dtype=np.bool_)
     distances, _ = cKDTree(border).query(surface.points)
@@ -126,38 +126,38 @@ def inside_of(surface: Surface, border: Floats, band: float) -> Mask:
 
 
 def spots_along(points: Floats, axes: Floats, times: Floats, pieces: Ints, spacing: float) -> Spots:
-    """Spots of a gun that goes evenly from sample to sample of a piece; between pieces the arc is off.
+    """Return the spots of a gun that moves evenly from sample to sample of a piece; between pieces the arc is off.
 
-    A spacing of a tenth of the footprint's reach leaves sums over spots as good as integrals.
+    With a spacing of a tenth of the footprint's radius, sums over spots are as good as integrals.
 
     Args:
         points: (n, 3) P in metres.
         axes: (n, 3) unit gun axis at each.
         times: (n,) seconds.
-        pieces: (n,) index of the piece that a sample belongs to; a piece's samples follow each other.
-        spacing: greatest distance of spots in metres.
+        pieces: (n,) index of each sample's piece; the samples of a piece are consecutive.
+        spacing: largest distance between spots in metres.
     """
     rows = np.flatnonzero(pieces[1:] == pieces[:-1])
-    ways = points[rows + 1] - points[rows]
-    parts = np.maximum(np.ceil(np.linalg.norm(ways, axis=1) / spacing), 1.0).astype(np.int64)
+    steps = points[rows + 1] - points[rows]
+    parts = np.maximum(np.ceil(np.linalg.norm(steps, axis=1) / spacing), 1.0).astype(np.int64)
     owner, share = _parts(parts)
     turned = axes[rows][owner] + share[:, None] * (axes[rows + 1] - axes[rows])[owner]
     return Spots(
-        points=points[rows][owner] + share[:, None] * ways[owner],
+        points=points[rows][owner] + share[:, None] * steps[owner],
         axes=turned / np.linalg.norm(turned, axis=1)[:, None],
         seconds=((times[rows + 1] - times[rows]) / parts)[owner],
     )
 
 
 def exposure(footprint: Footprint, standoff: float, spots: Spots, surface: Surface) -> Floats:
-    """Flux times time (m,) on each sample, s/m^2; times the material in m^3/s it is the thickness in metres.
+    """Return flux times time (m,) on each sample, s/m^2; times the material in m^3/s it is the thickness in metres.
 
-    Several layers are the spots of all of them.
+    For several layers, pass the spots of all of them.
 
     Args:
-        footprint: what arrives on a plane square to the gun.
+        footprint: the flux on a plane square to the gun.
         standoff: nozzle to P in metres, above 0.
-        spots: where the gun is for how long.
+        spots: where the gun dwells, and for how long.
         surface: the samples.
 
     Raises:
@@ -174,12 +174,12 @@ def exposure(footprint: Footprint, standoff: float, spots: Spots, surface: Surfa
         )
         spot, sample = near["i"], near["j"]
         axes = spots.axes[rows][spot]
-        ways = surface.points[sample] - (spots.points[rows] + standoff * spots.axes[rows])[spot]
-        depths = -dot(ways, axes)
-        facing = -dot(ways, surface.normals[sample])
-        met = (depths > 0) & (facing > 0)
-        spot, sample, depths, facing = spot[met], sample[met], depths[met], facing[met]
-        offsets = np.linalg.norm(ways[met] + depths[:, None] * axes[met], axis=1)
+        rays = surface.points[sample] - (spots.points[rows] + standoff * spots.axes[rows])[spot]
+        depths = -dot(rays, axes)
+        facing = -dot(rays, surface.normals[sample])
+        hit = (depths > 0) & (facing > 0)
+        spot, sample, depths, facing = spot[hit], sample[hit], depths[hit], facing[hit]
+        offsets = np.linalg.norm(rays[hit] + depths[:, None] * axes[hit], axis=1)
         closer = standoff / depths
         flux = footprint.flux(closer * offsets) * closer**2 * facing / depths
         total += np.bincount(sample, weights=spots.seconds[rows][spot] * flux, minlength=len(total))
@@ -187,12 +187,12 @@ def exposure(footprint: Footprint, standoff: float, spots: Spots, surface: Surfa
 
 
 def evenness(thickness: Floats, surface: Surface, inside: Mask) -> Evenness:
-    """How even a coating is, by area.
+    """Return how even a coating is, by area.
 
     Args:
         thickness: (m,) metres, or relative.
         surface: the samples, one or more.
-        inside: (m,) whether a sample is off the border band.
+        inside: (m,) whether a sample lies outside the border band.
     """
     mean, spread = _mean_and_deviation(thickness, surface.areas)
     interior_mean, interior_spread = _mean_and_deviation(thickness[inside], surface.areas[inside])
@@ -207,17 +207,17 @@ def evenness(thickness: Floats, surface: Surface, inside: Mask) -> Evenness:
 
 
 def _parts(parts: Ints) -> tuple[Ints, Floats]:
-    """Of ways in (n,) equal parts: the way of each part, and the share of the way at which the part's middle lies."""
+    """Return each part's segment, and its middle as a fraction of that, for segments cut into (n,) equal parts."""
     owner, number = ramp(parts)
     return owner, (number + 0.5) / parts[owner]
 
 
 def _curve_ends(points: Floats, offsets: Ints, planes: Ints) -> Floats:
-    """First and last points (k, 3) of curves, but for those at which the plane's next curve goes on."""
+    """Return the first and last points (k, 3) of curves, without those where the next curve of the plane continues."""
     first, last = points[offsets[:-1]], points[offsets[1:] - 1]
-    on = (planes[1:] == planes[:-1]) & (np.linalg.norm(first[1:] - last[:-1], axis=1) <= _SAME_PLACE)
+    continued = (planes[1:] == planes[:-1]) & (np.linalg.norm(first[1:] - last[:-1], axis=1) <= _SAME_PLACE)
     begins, ends = np.ones(len(planes), dtype=np.bool_), np.ones(len(planes), dtype=np.bool_)
-    begins[1:], ends[:-1] = ~on, ~on
+    begins[1:], ends[:-1] = ~continued, ~continued
     return np.vstack([first[begins], last[ends]])
 
 

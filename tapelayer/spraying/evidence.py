@@ -13,17 +13,17 @@ from tapelayer.verification.failures import Findings
 
 @dataclass(frozen=True, eq=False)
 class SpraySamples(SampleTable):
-    """What was measured with the arc on; rows are samples in order.
+    """Measurements with the arc on; rows are samples in order.
 
     Attributes:
         passes: (n,) index of the pass.
-        pieces: (n,) index of the stretch without a break that the sample belongs to.
-        arc_lengths: (n,) metres along the pass; negative on the way to it from the pass before.
+        pieces: (n,) index of the unbroken arc run that the sample belongs to.
+        arc_lengths: (n,) metres along the pass; negative on the link from the previous pass.
         times: (n,) seconds from the program's start.
         points: (n, 3) P, `machine` axes, metres.
         axes: (n, 3) the gun's axis, unit, out of the surface.
         position_errors: (n,) P off the smoothed path, metres.
-        surface_distances: (n,) P off the facet that it passes, metres; NaN where there is none.
+        surface_distances: (n,) P off the facet under it, metres; NaN where there is none.
         deviations: (n,) gun off the facet's normal, radians; NaN where there is no facet.
         exempt: (n,) whether the sample is near a crease.
     """
@@ -49,13 +49,13 @@ class SpraySamples(SampleTable):
 
 
 @dataclass(frozen=True)
-class SplitFound:
-    """A place where the arc goes off inside a pass.
+class MeasuredSplit:
+    """A place where a program switches the arc off inside a pass.
 
     Attributes:
         number: of the pass, from 1.
-        point: where spraying goes on, `machine` axes, metres.
-        reason: travel or crease; empty where the plan has no split there.
+        point: where spraying resumes, `machine` axes, metres.
+        reason: travel or crease; empty if the plan has no split there.
     """
 
     number: int
@@ -65,18 +65,18 @@ class SplitFound:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SprayEvidence(Findings):
-    """Every number that was measured on a spraying program, in metres, radians and seconds.
+    """Every number measured on a spraying program, in metres, radians and seconds.
 
     Attributes:
-        passes: passes that the part asks for.
-        points: points of these.
-        layers: layers of these.
-        sprayed_length: of the path with the arc on.
-        arc_time: with the arc on.
+        passes: number of passes that the part needs.
+        points: number of their points.
+        layers: number of their layers.
+        sprayed_length: length of the path with the arc on.
+        arc_time: time with the arc on.
         splits: breaks inside passes.
-        crease_length: of the stretches where no deviation counts.
-        greatest_arc_distance: of a place with the arc on from the part, seen from above.
-        samples: with the arc on, at blocks and between.
+        crease_length: length of path near creases, where deviations are not judged.
+        greatest_arc_distance: largest distance of the lit arc from the part, seen from above.
+        samples: taken with the arc on, at block ends and within blocks.
     """
 
     passes: int
@@ -84,7 +84,7 @@ class SprayEvidence(Findings):
     layers: int
     sprayed_length: float
     arc_time: float
-    splits: tuple[SplitFound, ...]
+    splits: tuple[MeasuredSplit, ...]
     crease_length: float
     greatest_arc_distance: float
     samples: SpraySamples

@@ -1,4 +1,4 @@
-"""Footprint: what a gun at rest, or one pass, leaves on a plane."""
+"""Footprint: what a gun at rest, or one pass, leaves on a plane, by model or from a measured profile."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tapelayer.errors import FootprintRefused, InputFault
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import MM
 
-# Beyond so many standard deviations a Gaussian footprint is cut off: 4e-6 of its material.
+# A Gaussian footprint is cut off beyond this many standard deviations, which loses 4e-6 of its material.
 _GAUSSIAN_REACH = 5.0
 
 
@@ -24,20 +24,20 @@ class Footprint(ABC):
     @property
     @abstractmethod
     def reach(self) -> float:
-        """Radius in metres beyond which nothing arrives."""
+        """Return the radius in metres beyond which nothing arrives."""
 
     @abstractmethod
     def flux(self, radii: Floats) -> Floats:
-        """Material per area (...) at radii (...) from the axis: 1/m^2, its integral over the plane is 1."""
+        """Return the flux (...) in 1/m^2 at radii (...) in metres from the axis; its integral over the plane is 1."""
 
     @abstractmethod
     def across(self, offsets: Floats) -> Floats:
-        """Integral (...) of the flux along a straight line at offsets (...) in metres from the axis: 1/m."""
+        """Return the flux (...) in 1/m integrated along straight lines at offsets (...) in metres from the axis."""
 
 
 @dataclass(frozen=True)
 class Gaussian(Footprint):
-    """Normal distribution about the axis.
+    """Flux that is a normal distribution about the axis.
 
     Attributes:
         sigma: standard deviation in metres.
@@ -47,11 +47,11 @@ class Gaussian(Footprint):
 
     @property
     def reach(self) -> float:
-        """As `Footprint.reach`."""
+        """Return the same as `Footprint.reach`."""
         return _GAUSSIAN_REACH * self.sigma
 
     def flux(self, radii: Floats) -> Floats:
-        """As `Footprint.flux`.
+        """Return the same as `Footprint.flux`.
 
         Examples:
             >>> np.round(Gaussian(sigma=0.1).flux(np.array([0.0, 0.1, 0.6])), 3).tolist()
@@ -61,14 +61,14 @@ class Gaussian(Footprint):
         return np.where(np.abs(radii) <= self.reach, inside, 0.0)
 
     def across(self, offsets: Floats) -> Floats:
-        """As `Footprint.across`; the tails beyond the reach are counted."""
+        """Return the same as `Footprint.across`; tails beyond the reach are included."""
         profile: Floats = np.exp(-0.5 * (offsets / self.sigma) ** 2) / (math.sqrt(2 * np.pi) * self.sigma)
         return profile
 
 
 @dataclass(frozen=True)
 class ParabolicFlux(Footprint):
-    """Flux that falls as a parabola from the axis; across a pass (1 - (x / R)^2)^1.5.
+    """Flux that falls off as a parabola from the axis; across a pass (1 - (x / R)^2)^1.5.
 
     Attributes:
         radius: R in metres.
@@ -78,11 +78,11 @@ class ParabolicFlux(Footprint):
 
     @property
     def reach(self) -> float:
-        """As `Footprint.reach`."""
+        """Return the same as `Footprint.reach`."""
         return self.radius
 
     def flux(self, radii: Floats) -> Floats:
-        """As `Footprint.flux`.
+        """Return the same as `Footprint.flux`.
 
         Examples:
             >>> np.round(ParabolicFlux(radius=0.1).flux(np.array([0.0, 0.05, 0.2])), 3).tolist()
@@ -91,7 +91,7 @@ class ParabolicFlux(Footprint):
         return 2.0 / (np.pi * self.radius**2) * np.maximum(1.0 - (radii / self.radius) ** 2, 0.0)
 
     def across(self, offsets: Floats) -> Floats:
-        """As `Footprint.across`."""
+        """Return the same as `Footprint.across`."""
         return 8.0 / (3.0 * np.pi * self.radius) * np.maximum(1.0 - (offsets / self.radius) ** 2, 0.0) ** 1.5
 
 
@@ -107,15 +107,15 @@ class ParabolicPass(Footprint):
 
     @property
     def reach(self) -> float:
-        """As `Footprint.reach`."""
+        """Return the same as `Footprint.reach`."""
         return self.radius
 
     def flux(self, radii: Floats) -> Floats:
-        """As `Footprint.flux`."""
+        """Return the same as `Footprint.flux`."""
         return 1.5 / (np.pi * self.radius**2) * np.sqrt(np.maximum(1.0 - (radii / self.radius) ** 2, 0.0))
 
     def across(self, offsets: Floats) -> Floats:
-        """As `Footprint.across`.
+        """Return the same as `Footprint.across`.
 
         Examples:
             >>> ParabolicPass(radius=0.1).across(np.array([0.0, 0.05, 0.2])).tolist()
@@ -126,11 +126,11 @@ class ParabolicPass(Footprint):
 
 @dataclass(frozen=True, eq=False)
 class Profile(Frozen, Footprint):
-    """Measured flux, straight between its points.
+    """Measured flux, interpolated linearly between its points.
 
     Attributes:
         radii: (k,) metres, increasing from 0.
-        fluxes: (k,) of any unit, none below 0; nothing arrives beyond the last.
+        fluxes: (k,) in any unit, none below 0; nothing arrives beyond the last radius.
     """
 
     radii: Floats
@@ -147,11 +147,11 @@ class Profile(Frozen, Footprint):
 
     @property
     def reach(self) -> float:
-        """As `Footprint.reach`."""
+        """Return the same as `Footprint.reach`."""
         return float(self.radii[-1])
 
     def flux(self, radii: Floats) -> Floats:
-        """As `Footprint.flux`.
+        """Return the same as `Footprint.flux`.
 
         Examples:
             >>> Profile(np.array([0.0, 0.1]), np.array([2.0, 0.0])).flux(np.array([0.0, 0.05, 0.2])).round(3).tolist()
@@ -160,14 +160,14 @@ class Profile(Frozen, Footprint):
         return np.interp(np.abs(radii), self.radii, self.fluxes, right=0.0)
 
     def across(self, offsets: Floats) -> Floats:
-        """As `Footprint.across`."""
+        """Return the same as `Footprint.across`."""
         slopes = np.diff(self.fluxes) / np.diff(self.radii)
         heights = self.fluxes[:-1] - slopes * self.radii[:-1]
         offset = np.abs(offsets)[..., None]
-        # Of (height + slope r) r / sqrt(r^2 - x^2) over r, from the larger of x and the inner radius.
+        # Integrate (height + slope r) r / sqrt(r^2 - x^2) over r, from the larger of x and the inner radius.
         ends = np.maximum(self.radii, offset)
         chords = np.sqrt(ends**2 - offset**2)
-        # At x = 0 and r = 0 the logarithm stands beside x^2.
+        # At x = 0 and r = 0 the factor x^2 cancels the logarithm.
         logs = offset**2 * np.log(np.where(ends > 0, ends + chords, 1.0))
         level, rising = np.diff(chords, axis=-1), 0.5 * np.diff(ends * chords + logs, axis=-1)
         profile: Floats = 2.0 * np.sum(heights * level + slopes * rising, axis=-1)
@@ -175,7 +175,7 @@ class Profile(Frozen, Footprint):
 
 
 def footprint_of(setup: SpraySetup) -> Footprint:
-    """Footprint of an arc spraying job; sizes that are not given come from the spot's diameter.
+    """Return the footprint of an arc spraying job; sizes that are not given follow from the spot's diameter.
 
     Raises:
         FootprintRefused: the profile's file cannot be used.
@@ -192,7 +192,7 @@ def footprint_of(setup: SpraySetup) -> Footprint:
 
 
 def read_profile(path: Path) -> Profile:
-    """Footprint of a text file: a radius in mm and a flux of any unit a line, `#` begins a comment.
+    """Return the footprint in a text file: a radius in mm and a flux in any unit per line, `#` begins a comment.
 
     Raises:
         FootprintRefused: no pairs of numbers, radii that do not increase from 0, or fluxes below 0; all faults at once.
@@ -213,9 +213,9 @@ def read_profile(path: Path) -> Profile:
             continue
         pair = _pair(words)
         if pair is None:
-            shown = line.strip()
-            shown = shown if len(shown) <= 40 else shown[:37] + "..."
-            faults.append(InputFault(number, f"expected a radius in mm and a flux, two finite numbers, got {shown!r}"))
+            given = line.strip()
+            given = given if len(given) <= 40 else given[:37] + "..."
+            faults.append(InputFault(number, f"expected a radius in mm and a flux, two finite numbers, got {given!r}"))
             continue
         if pair[1] < 0:
             faults.append(InputFault(number, f"expected a flux of 0 or more, got {pair[1]:g}"))

@@ -1,4 +1,4 @@
-"""Verification of spraying: a trajectory against its passes and the facets, through Pinocchio on the URDF."""
+"""Inspection: a spraying trajectory against its passes and the facets, through Pinocchio on the URDF."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from tapelayer.machines.machine import Machine
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import MOTIONS, Event, Trajectory
 from tapelayer.progress import Tick, silent
-from tapelayer.spraying.arc_runs import ArcRun, arc_on, arc_runs_of, sampled, ways_of
-from tapelayer.spraying.evidence import SplitFound, SprayEvidence, SpraySamples
+from tapelayer.spraying.arc_runs import ArcRun, arc_on, arc_runs_of, lengths_of, sampled
+from tapelayer.spraying.evidence import MeasuredSplit, SprayEvidence, SpraySamples
 from tapelayer.spraying.limits import limits_of
 from tapelayer.spraying.passes import NO_FACET, Pass, Split
 from tapelayer.spraying.settings import SpraySetup
@@ -30,18 +30,18 @@ from tapelayer.verification.stated_axes import unstated_axes
 from tapelayer.verification.switching import Switch, interrupted, still_on, unpaired
 
 AIR, ARC = Switch("air", Event.AIR_ON, Event.AIR_OFF), Switch("arc", Event.ARC_ON, Event.ARC_OFF)
-# A place this near to the end of a facet is on the next as well, metres.
+# A point this close to the end of a facet, in metres, is on the next facet as well.
 AT_EDGE = 2e-6
-# A split is one that the plan has if it is this near to it, metres.
+# A split this close to a planned one, in metres, is the planned one.
 SAME_SPLIT = 1e-3
 
 
 class SprayInspector(Judge[SprayEvidence]):
-    """The passes of a job and the surface under them, made ready to judge trajectories by.
+    """Judge of trajectories for the passes of a job and the surface under them.
 
     Args:
-        passes: what has to be sprayed, in `machine`.
-        splits: where the plan lets the arc go off inside a pass: for their reasons only.
+        passes: the passes to be sprayed, in `machine`.
+        splits: where the plan switches the arc off inside a pass; only their reasons are used.
         mesh: the surface in `machine`.
         setup: the job's values.
         machine: the robot, with the setup's limits already in it.
@@ -65,92 +65,93 @@ class SprayInspector(Judge[SprayEvidence]):
         digits, unstated = self._digits(resolution), unstated_axes(trajectory)
         failures = [self._at_line(trajectory, breach) for breach in unstated]
         failures += [self._at_block(trajectory, breach) for breach in self._switching(trajectory)]
-        # Nothing can be measured on a program that does not say where it is.
-        stretches = [] if unstated else arc_runs_of(trajectory)
+        # Nothing can be measured on a program that does not state its position.
+        runs = [] if unstated else arc_runs_of(trajectory)
         failures += self._astray(trajectory)
         measured: list[SpraySamples] = []
-        splits: list[SplitFound] = []
+        splits: list[MeasuredSplit] = []
         before: ArcRun | None = None
         by_pass: dict[int, list[ArcRun]] = {}
-        for stretch in stretches:
-            by_pass.setdefault(stretch.index, []).append(stretch)
-        for index, found in enumerate(self.passes):
-            samples, wrong = self._pass(trajectory, index, by_pass.get(index, []), len(measured), before)
+        for run in runs:
+            by_pass.setdefault(run.index, []).append(run)
+        for index, one in enumerate(self.passes):
+            samples, failed = self._pass(trajectory, index, by_pass.get(index, []), len(measured), before)
             measured += samples
-            failures += wrong
+            failures += failed
             before = by_pass[index][-1] if index in by_pass else None
             for part in samples[1:]:
                 x, y, z = part.points[0].tolist()
-                splits.append(SplitFound(found.path.number, (x, y, z), self._reason(found.path.number, part.points[0])))
+                number = one.path.number
+                splits.append(MeasuredSplit(number, (x, y, z), self._reason(number, part.points[0])))
             tick()
         joined = SpraySamples.joined(measured)
-        distance, misplaced = self._placed(joined)
-        spraying = np.concatenate([stretch.blocks for stretch in stretches]) if stretches else np.zeros(0, np.int64)
-        later = [*self._speeds(trajectory, spraying, digits), *misplaced]
+        distance, misplaced = self._arc_beside_part(joined)
+        spraying = np.concatenate([run.blocks for run in runs]) if runs else np.zeros(0, np.int64)
+        last = [*self._speeds(trajectory, spraying, digits), *misplaced]
         motions = np.isin(trajectory.kinds, MOTIONS)
         return SprayEvidence(
             passes=len(self.passes),
-            points=sum(len(found.path.points) for found in self.passes),
-            layers=max((found.layer for found in self.passes), default=0),
-            sprayed_length=float(np.sum(ways_of(trajectory, spraying))),
+            points=sum(len(one.path.points) for one in self.passes),
+            layers=max((one.layer for one in self.passes), default=0),
+            sprayed_length=float(np.sum(lengths_of(trajectory, spraying))),
             arc_time=float(np.sum(trajectory.durations[spraying])),
             splits=tuple(splits),
-            crease_length=float(sum(np.sum(found.exempt[:, 1] - found.exempt[:, 0]) for found in self.passes)),
+            crease_length=float(sum(np.sum(one.exempt[:, 1] - one.exempt[:, 0]) for one in self.passes)),
             greatest_arc_distance=distance,
             samples=joined,
-            **vars(self._findings(trajectory, digits, failures, later, motions)),
+            **vars(self._findings(trajectory, digits, failures, last, motions)),
         )
 
     def _pass(
         self,
         trajectory: Trajectory,
         index: int,
-        stretches: Sequence[ArcRun],
+        runs: Sequence[ArcRun],
         first_piece: int,
         before: ArcRun | None,
     ) -> tuple[list[SpraySamples], list[Failure]]:
-        """Samples of one pass, a part for each stretch, and what is wrong with it."""
-        found = self.passes[index]
-        number, length = found.path.number, float(found.path.arc_lengths[-1])
-        if not stretches:
+        """Return the samples of one pass, a table for each arc run, and its failures."""
+        planned = self.passes[index]
+        number, length = planned.path.number, float(planned.path.arc_lengths[-1])
+        if not runs:
             return [], [self._failure(number, 0, "sprayed_length_mm", 0.0, length / MM)]
         parts, failures = [], []
-        reached = 0.0
-        for row, stretch in enumerate(stretches):
-            samples, blocks = self._stretch(trajectory, stretch, first_piece + row, before if row == 0 else None)
+        sprayed = 0.0
+        for row, run in enumerate(runs):
+            samples, blocks = self._arc_run(trajectory, run, first_piece + row, before if row == 0 else None)
             parts.append(samples)
-            failures += self._judged(trajectory, found, samples, blocks)
-            line = int(trajectory.lines[stretch.blocks[0]])
+            failures += self._judged(trajectory, planned, samples, blocks)
+            line = int(trajectory.lines[run.blocks[0]])
             begin, end = float(samples.arc_lengths[0]), float(samples.arc_lengths[-1])
-            if stretch.linked and row == 0:
+            if run.linked and row == 0:
                 begin = max(begin, 0.0)
-            # Where no pose serves two points, a split leaves out what is between them.
+            # If no pose serves two consecutive points, a split leaves the path between them unsprayed.
             permitted = self.setup.spray.max_point_spacing_mm * MM if row else 0.0
-            if not -self.slack <= begin - reached <= permitted + self.slack:
+            if not -self.slack <= begin - sprayed <= permitted + self.slack:
                 failures.append(
-                    self._failure(number, 0, "not_sprayed_mm", (begin - reached) / MM, permitted / MM, line)
+                    self._failure(number, 0, "not_sprayed_mm", (begin - sprayed) / MM, permitted / MM, line)
                 )
-            reached = end
-        if not abs(length - reached) <= self.slack:
-            line = int(trajectory.lines[stretches[-1].blocks[-1]])
-            failures.append(self._failure(number, 0, "not_sprayed_mm", (length - reached) / MM, 0.0, line))
+            sprayed = end
+        if not abs(length - sprayed) <= self.slack:
+            line = int(trajectory.lines[runs[-1].blocks[-1]])
+            failures.append(self._failure(number, 0, "not_sprayed_mm", (length - sprayed) / MM, 0.0, line))
         return parts, failures
 
-    def _stretch(
-        self, trajectory: Trajectory, stretch: ArcRun, piece: int, before: ArcRun | None
+    def _arc_run(
+        self, trajectory: Trajectory, run: ArcRun, piece: int, before: ArcRun | None
     ) -> tuple[SpraySamples, Ints]:
-        """Samples of a stretch, and the block (n,) of each."""
-        found = self.passes[stretch.index]
-        joints, times, blocks = sampled(trajectory, stretch.blocks)
+        """Return the samples of an arc run, and the block (n,) of each."""
+        planned = self.passes[run.index]
+        joints, times, blocks = sampled(trajectory, run.blocks)
         points, axes = self._gun(joints)
-        places, path = found.path.arc_lengths, found.path.points
-        if stretch.linked and before is not None and before.index == stretch.index - 1:
+        places, path = planned.path.arc_lengths, planned.path.points
+        if run.linked and before is not None and before.index == run.index - 1:
             start = self.passes[before.index].path.points[-1]
             away = float(np.linalg.norm(path[0] - start))
             if away > 0.0:
                 places, path = np.append(-away, places), np.vstack([start, path])
         arcs, errors = along(path, places, points)
-        facets = np.stack([_facets_at(found, arcs - AT_EDGE), _facets_at(found, arcs + AT_EDGE)])
+        facets = np.stack([_facets_at(planned, arcs - AT_EDGE), _facets_at(planned, arcs + AT_EDGE)])
         deviations, distances = np.full((2, len(arcs)), np.nan), np.full((2, len(arcs)), np.nan)
         for side in range(2):
             on = np.flatnonzero(facets[side] != NO_FACET)
@@ -159,10 +160,10 @@ class SprayInspector(Judge[SprayEvidence]):
             sine = np.linalg.norm(np.cross(axes[on], self.normals[under]), axis=1)
             deviations[side, on] = np.arctan2(sine, cosine)
             distances[side, on] = distances_to(self.triangles[under], points[on])
-        low, high = found.exempt.T
+        low, high = planned.exempt.T
         exempt = np.searchsorted(low, arcs + AT_EDGE, "right") > np.searchsorted(high, arcs - AT_EDGE)
         samples = SpraySamples(
-            passes=np.full(len(arcs), stretch.index),
+            passes=np.full(len(arcs), run.index),
             pieces=np.full(len(arcs), piece),
             arc_lengths=arcs,
             times=times,
@@ -176,28 +177,28 @@ class SprayInspector(Judge[SprayEvidence]):
         return samples, blocks
 
     def _gun(self, joints: Floats) -> tuple[Floats, Floats]:
-        """P (n, 3) in metres and the gun's axis (n, 3), by the model, for the values (n, 5) of `AXES`."""
+        """Return P (n, 3) in metres and the gun's axis (n, 3), by the model, for values (n, 5) of `AXES`."""
         pose = self.machine.columns(self._configurations(joints), "P")
         points = np.stack(np.broadcast_arrays(*pose.translation), axis=1)
         axes = np.stack(np.broadcast_arrays(*(row[2] for row in pose.rotation), joints[:, 0])[:3], axis=1)
         return points, axes
 
     def _configurations(self, joints: Floats) -> Floats:
-        """Values (n, k) of all the machine's axes, the standoff among them."""
+        """Return the values (n, k) of all axes of the machine, including the standoff."""
         values = np.zeros((len(joints), len(self.machine.axes)))
         values[:, [self.machine.column(name) for name in AXES]] = joints
         values[:, self.machine.column("standoff")] = self.setup.standoff
         return values
 
-    def _judged(self, trajectory: Trajectory, found: Pass, samples: SpraySamples, blocks: Ints) -> list[Failure]:
-        """The worst place of a stretch for each limit that is not kept; NaN keeps none but where nothing is judged."""
+    def _judged(self, trajectory: Trajectory, planned: Pass, samples: SpraySamples, blocks: Ints) -> list[Failure]:
+        """Return the worst place of an arc run for each limit exceeded; NaN exceeds a limit wherever it is judged."""
         chord = self.setup.spray.chord_tolerance_mm
         limit = self.setup.spray.max_deviation_deg
         deviations = np.where(samples.exempt, np.nan, samples.deviations)
         backwards = np.maximum.accumulate(samples.arc_lengths) - samples.arc_lengths
-        places = samples.position_errors
+        errors = samples.position_errors
         judged = (
-            ("position_error_mm", places / MM, self.slack / MM, np.ones(len(places), np.bool_)),
+            ("position_error_mm", errors / MM, self.slack / MM, np.ones(len(errors), np.bool_)),
             (
                 "surface_distance_mm",
                 samples.surface_distances / MM,
@@ -205,20 +206,20 @@ class SprayInspector(Judge[SprayEvidence]):
                 ~np.isnan(samples.surface_distances),
             ),
             ("deviation_deg", deviations / DEG, limit, ~np.isnan(deviations)),
-            ("run_back_mm", backwards / MM, self.slack / MM, np.ones(len(places), np.bool_)),
+            ("run_back_mm", backwards / MM, self.slack / MM, np.ones(len(errors), np.bool_)),
         )
         failures = []
         for what, values, most, counted in judged:
             kept = ~counted | (values <= most)
             if not np.all(kept):
                 worst = int(np.argmax(np.where(kept, -np.inf, np.nan_to_num(values, nan=np.inf))))
-                point = int(np.argmin(np.abs(found.path.arc_lengths - samples.arc_lengths[worst]))) + 1
+                point = int(np.argmin(np.abs(planned.path.arc_lengths - samples.arc_lengths[worst]))) + 1
                 line = int(trajectory.lines[blocks[worst]])
-                failures.append(self._failure(found.path.number, point, what, float(values[worst]), most, line))
+                failures.append(self._failure(planned.path.number, point, what, float(values[worst]), most, line))
         return failures
 
-    def _placed(self, samples: SpraySamples) -> tuple[float, list[Failure]]:
-        """Greatest distance of the lit arc from the part in plan, and where it is too far."""
+    def _arc_beside_part(self, samples: SpraySamples) -> tuple[float, list[Failure]]:
+        """Return the largest distance of the lit arc from the part in plan, and a failure where it is too large."""
         limit = (self.setup.spray.overrun_mm + self.setup.spray.max_gap_mm / 2) * MM + self.slack
         off = np.flatnonzero(np.isnan(samples.deviations))
         if not len(off):
@@ -232,14 +233,14 @@ class SprayInspector(Judge[SprayEvidence]):
         return float(distances[worst]), [failure]
 
     def _reason(self, number: int, point: Floats) -> str:
-        """Why the plan splits a pass at a point (3,); empty where it does not."""
+        """Return why the plan splits a pass at a point (3,); empty if it does not."""
         for split in self.splits:
             if split.number == number and np.linalg.norm(point - split.point) <= SAME_SPLIT:
                 return str(split.reason)
         return ""
 
     def _switching(self, trajectory: Trajectory) -> list[Breach]:
-        """Words that do not pair, rapids, pauses and stops with the arc on, and an arc without air or before it."""
+        """Return unpaired words, interruptions with the arc on, and an arc without air or too soon after it."""
         breaches = [*unpaired(trajectory, AIR), *unpaired(trajectory, ARC)]
         breaches += interrupted(trajectory, ARC, ("rapid", "pause", "stop"))
         airless = np.flatnonzero(still_on(trajectory, ARC) & ~still_on(trajectory, AIR))
@@ -253,7 +254,7 @@ class SprayInspector(Judge[SprayEvidence]):
         return breaches
 
     def _astray(self, trajectory: Trajectory) -> list[Failure]:
-        """Motion with the arc on in no pass, or in a pass that the part does not have; and passes out of order."""
+        """Return the first motion with the arc on that is in no pass of the part, or in a pass out of order."""
         spraying = np.flatnonzero(arc_on(trajectory))
         passes = trajectory.courses[spraying]
         wrong = (passes < 0) | (passes >= len(self.passes)) | (np.diff(passes, prepend=passes[:1]) < 0)
@@ -263,14 +264,14 @@ class SprayInspector(Judge[SprayEvidence]):
         return [self._at_block(trajectory, Breach(int(spraying[row]), "pass", int(passes[row]) + 1, len(self.passes)))]
 
     def _speeds(self, trajectory: Trajectory, spraying: Ints, digits: Floats) -> list[Failure]:
-        """Blocks in which the gun is too fast, too slow although no axis is at its limit, or theta leaps."""
+        """Return blocks in which the gun is too fast, too slow with no axis at its limit, or theta turns too far."""
         begins, ends = trajectory.begins(spraying), trajectory.positions[spraying]
         steps, spans = np.abs(ends - begins), trajectory.durations[spraying]
-        lengths, speed = ways_of(trajectory, spraying), self.setup.speed
+        lengths, speed = lengths_of(trajectory, spraying), self.setup.speed
         digit = 2 * float(np.max(digits[:3]))
         limits = np.array([axis.speed for axis in self.axes])
         needed = np.maximum(lengths / speed, np.max(steps / limits, axis=1, initial=0.0))
-        # A block too short to be written leaves its time to the next one.
+        # A block too short to be written adds its time to the next one.
         slack = 2 * digit / speed + np.max(2 * digits / limits) + needed * FEED_DIGITS
         theta = steps[:, AXES.index("theta")] / DEG
         failures = []
@@ -288,8 +289,8 @@ class SprayInspector(Judge[SprayEvidence]):
         return failures
 
 
-def _facets_at(found: Pass, arcs: Floats) -> Ints:
-    """Facet (n,) of a pass at arc lengths (n,), `NO_FACET` beyond its ends and on the way to it."""
-    row = np.searchsorted(found.bounds, arcs, "right") - 1
-    inside = (row >= 0) & (row < len(found.facets))
-    return np.where(inside, found.facets[np.clip(row, 0, len(found.facets) - 1)], NO_FACET)
+def _facets_at(planned: Pass, arcs: Floats) -> Ints:
+    """Return the facet (n,) under a pass at arc lengths (n,), `NO_FACET` beyond its ends and on the link to it."""
+    row = np.searchsorted(planned.bounds, arcs, "right") - 1
+    inside = (row >= 0) & (row < len(planned.facets))
+    return np.where(inside, planned.facets[np.clip(row, 0, len(planned.facets) - 1)], NO_FACET)

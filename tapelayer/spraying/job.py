@@ -1,4 +1,4 @@
-"""Job of the spray robot: a model becomes a program that was read back and judged."""
+"""Job: a model becomes a program of the spray robot, read back and judged."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ from urdf import SPRAYER
 
 @dataclass(frozen=True, eq=False)
 class SprayJob(MachineJob[Spraying, SprayEvidence]):
-    """What goes into a program of the spray robot.
+    """Everything that a program of the spray robot is made from.
 
     Attributes:
         model: the surface in the part's frame.
         setup: the job's values.
         machine: the robot, with the setup's limits already in it.
         controller: the control's table.
-        provenance: what the program's header says of its sources.
+        provenance: the sources named in the program's header.
     """
 
     setup: SpraySetup
@@ -79,9 +79,9 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
 
         Args:
             data: the file's bytes.
-            name: the file as messages call it; the program's header has the base name.
+            name: the file's name in messages; the program's header has the base name.
             setup: the job's values.
-            unit: of the file's numbers.
+            unit: unit of the file's numbers.
 
         Raises:
             MeshRefused: the bytes cannot be used.
@@ -107,27 +107,27 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The axes that a program moves; the standoff is set by hand."""
+        """Return the axes that a program moves; the standoff is set by hand."""
         return AXES
 
     @property
     def parts(self) -> int:
-        """How many passes there are."""
+        """Return the number of passes."""
         return len(self.pass_plan.passes)
 
     @cached_property
     def placement(self) -> tuple[Floats, Floats]:
-        """Rotation (3, 3) and origin (3,) in metres of the part's frame in `machine`."""
+        """Return the rotation (3, 3) and origin (3,) in metres of the part's frame in `machine`."""
         return placement(self.model, self.setup, self.machine)
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The surface in `machine`."""
+        """Return the surface in `machine`."""
         return self.model.moved(*self.placement)
 
     @cached_property
     def pitch(self) -> float:
-        """From pass to pass in metres.
+        """Return the distance from pass to pass in metres.
 
         Raises:
             PitchNotFound: no pitch is even enough.
@@ -139,15 +139,15 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
 
     @cached_property
     def pass_plan(self) -> Plan:
-        """The passes.
+        """Return the passes.
 
         Raises:
-            NothingToSpray: nothing of the surface can be reached.
+            NothingToSpray: no part of the surface can be reached.
         """
         return plan_passes(self.mesh, self.setup, self.machine, self.pitch)
 
     def planned(self, steps: Steps) -> tuple[Spraying, Trajectory]:
-        """Return the passes as they are sprayed, and the trajectory of that.
+        """Return the passes as they are sprayed, and their trajectory.
 
         Raises:
             TapelayerError: the job cannot be done on this robot.
@@ -156,7 +156,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         return spraying, spraying.trajectory
 
     def basis(self, steps: Steps) -> Spraying:
-        """Return the passes as they are sprayed; a program is judged by where these are split.
+        """Return the passes as they are sprayed; a program is judged against where these are split.
 
         Raises:
             TapelayerError: the job cannot be done on this robot.
@@ -171,7 +171,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         return SprayInspector(self.pass_plan.passes, plan.splits, self.mesh, self.setup, self.machine)
 
     def levels(self) -> dict[Event, float]:
-        """Return the current, where there is one, beside the word for the arc."""
+        """Return the level that goes with the word for the arc: the current, if the setup gives one."""
         current = self.setup.process.current_a
         return {} if current is None else {Event.ARC_ON: current}
 
@@ -184,7 +184,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         remarks: tuple[str, ...],
         steps: Steps,
     ) -> SprayResult:
-        """Return what became of the job, with the coat that the program leaves."""
+        """Return the result of the job, with the coat that the program leaves."""
         steps.begin(COATING.name)
         coated = self.setup.process.kind == "arc" and len(evidence.samples.times) > 0
         reach = Reach(self.mesh, self.setup, self.machine)
@@ -202,12 +202,12 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
 
 @dataclass(frozen=True, eq=False)
 class SprayResult(JobResult[SprayEvidence]):
-    """What became of a job of the spray robot.
+    """The result of a job of the spray robot.
 
     Attributes:
-        job: what it was made from.
+        job: the job that was done.
         planned: the passes as they are sprayed.
-        judged: what verification measured, and the coat.
+        judged: the evidence of verification, and the coat.
     """
 
     job: SprayJob
@@ -224,7 +224,7 @@ class SprayResult(JobResult[SprayEvidence]):
         return summary(ROWS, report, self.evidence.limits, page.surface_facts(report))
 
     def page(self, title: str) -> str:
-        """Return the report as one HTML page with plots, called as the program is."""
+        """Return the report as one HTML page with plots; its title is the program's name."""
         return page.html(self.judged, self.trajectory, self.report(), self.job.setup, title)
 
     def files(self) -> dict[str, bytes]:

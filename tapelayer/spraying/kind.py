@@ -1,4 +1,4 @@
-"""Kind: the spray robot."""
+"""Kind: everything that the commands and the workbench need to know about the spray robot."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from urdf import SPRAYER
 
 
 def _inverse(machine: Machine, places: Floats, normals: Floats) -> Floats:
-    """Return axis values (2, n, 5): P stands at the place whatever the wrist does."""
+    """Return axis values (2, n, 5): P stays where it is however the wrist turns."""
     angles = wrist.inverse(normals)
     return np.concatenate([np.broadcast_to(places, (len(angles), *places.shape)), angles], axis=2)
 

@@ -1,4 +1,4 @@
-"""Limits: what a spraying setup allows."""
+"""Limits: the largest values that a spraying setup allows."""
 
 from __future__ import annotations
 

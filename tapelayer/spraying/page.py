@@ -1,4 +1,4 @@
-"""Page of a spraying program."""
+"""Page: the HTML report of a spraying program."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from tapelayer.spraying.plan_view import coat_plots, plan_view
 from tapelayer.spraying.quantities import ROWS, Judged
 from tapelayer.spraying.settings import SpraySetup
 
-# The paths of the passes lie on the coat's colours.
+# The paths of the passes are drawn thin, over the coat's colours.
 PATHS = ".line.way { stroke: var(--ink); stroke-width: 0.6px; opacity: 0.55; }\n"
 
 
 def html(judged: Judged, trajectory: Trajectory, report: dict[str, Any], setup: SpraySetup, title: str) -> str:
-    """Return the report as one HTML page with plots, light and dark, to be printed.
+    """Return the report as one HTML page with plots, for light, dark and print.
 
     Args:
-        judged: the program, judged.
+        judged: the evidence on the program, and its coat.
         trajectory: the program.
-        report: plain values of it.
+        report: its report as plain values.
         setup: the job's values.
-        title: of the report, as the program is called.
+        title: title of the report, the program's name.
     """
     limits = judged.evidence.limits
     more = [
@@ -67,7 +67,7 @@ def html(judged: Judged, trajectory: Trajectory, report: dict[str, Any], setup: 
 
 
 def surface_facts(report: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return what was mended in the model, and what of its surface is out of reach: words and value of each."""
+    """Return the mended faults of the model and the areas out of reach, each as words and a value."""
     pairs = [(f"out of reach: {area['reason']}", f"{area['area_m2']:.4f} m2") for area in report["unreachable"]]
     pairs.append(("splits", str(len(report["splits"]))))
     mended = report["mesh"]["mended"]

@@ -1,4 +1,4 @@
-"""Passes: a placed surface becomes the ways that the gun's point P goes, plane by plane and layer by layer."""
+"""Pass planning: a surface in the machine becomes the paths of the gun's point P, plane by plane and layer by layer."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from tapelayer.spraying.steep_sides import flank_heights, on_steep_sides
 from tapelayer.units import DEG, MM
 from tapelayer.vectors import ramp
 
-# What planning leaves of the permitted deviation to the way between two points, where nothing else is exact.
+# Part of the permitted deviation that planning reserves for the motion between points, which is not exact.
 LEAN_MARGIN = NORMAL_TOLERANCE
-# Strips of a pitch in which areas are measured.
+# Strips per pitch for measuring areas.
 _AREA_STRIPS = 5
 
 
 def plan_passes(mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -> Plan:
-    """Passes over what of a surface is seen from above and can be reached.
+    """Return the passes over the part of a surface that is visible from above and can be reached.
 
     Args:
-        mesh: in `machine`.
+        mesh: the surface in `machine`.
         setup: the job's values.
         machine: the robot, with the setup's limits already in it.
-        pitch: from pass to pass, metres.
+        pitch: distance from pass to pass, metres.
 
     Raises:
-        NothingToSpray: nothing of the surface can be reached.
+        NothingToSpray: no part of the surface can be reached.
     """
     planner = _Planner(mesh, setup, machine, pitch)
     passes = planner.passes()
@@ -49,15 +49,15 @@ def plan_passes(mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -
     beyond = seen.seen * planner.beyond_share
     if not passes:
         parts = ((seen.too_steep, "too steep"), (seen.hidden, "hidden"), (beyond, "beyond the travel"))
-        told = ", ".join(f"{area * 1e4:.4g} cm2 {words}" for area, words in parts)
+        lost = ", ".join(f"{area * 1e4:.4g} cm2 {words}" for area, words in parts)
         raise NothingToSpray(
-            f"{mesh.name}: no pass can be sprayed on it: of the surface {told}; turn the part or place it elsewhere"
+            f"{mesh.name}: no pass can be sprayed on it: of the surface {lost}; turn the part or place it elsewhere"
         )
     return Plan(tuple(passes), seen.seen - beyond, seen.too_steep, seen.hidden, beyond)
 
 
 class _Planner:
-    """Plans layer by layer; what lies beyond the travel is measured in the first layer."""
+    """Planner of passes, layer by layer; the area beyond the travel is measured in the first layer."""
 
     def __init__(self, mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -> None:
         self.reach, self.spray, self.pitch = Reach(mesh, setup, machine), setup.spray, pitch
@@ -65,30 +65,33 @@ class _Planner:
         self.beyond_share = 0.0
 
     def passes(self) -> list[Pass]:
-        """Passes of all layers, numbered; what smoothing leaves no lean to be reached with is given up, and again."""
+        """Return the numbered passes of all layers, replanned until no facet has to be given up.
+
+        A facet is given up where the deviation left by smoothing is too small for the wrist to reach the normal.
+        """
         while True:
             facets = self.reach.facets.copy()
-            found = [one for layer in range(self.spray.layers) for one in self._layer(layer)]
+            passes = [one for layer in range(self.spray.layers) for one in self._layer(layer)]
             if np.array_equal(facets, self.reach.facets):
-                return [replace(one, path=replace(one.path, number=number)) for number, one in enumerate(found, 1)]
+                return [replace(one, path=replace(one.path, number=number)) for number, one in enumerate(passes, 1)]
 
     def travel(self, layer: int) -> float:
-        """Direction of a layer's passes, radians from +x towards +y."""
+        """Return the direction of a layer's passes, radians from +x towards +y."""
         return (self.spray.direction_deg + layer * self.spray.layer_turn_deg) * DEG
 
     def _layer(self, layer: int) -> Iterator[Pass]:
-        """Passes of a layer in order."""
+        """Yield the passes of a layer in order."""
         direction = plane_direction(self.travel(layer))
         heights = self._heights(layer, direction)
         segments, beyond_share = self.reach.segments(direction, heights)
         if layer == 0:
             self.beyond_share = beyond_share
         for among, before in ((segments, 0), (self._flanks(direction, heights), len(heights))):
-            for found in self._chained(among, direction):
-                yield replace(found, layer=layer + 1, plane=before + found.plane)
+            for one in self._chained(among, direction):
+                yield replace(one, layer=layer + 1, plane=before + one.plane)
 
     def _flanks(self, direction: Floats, heights: Floats) -> Segments:
-        """Segments of further planes where the surface is steep across the passes."""
+        """Return segments on extra planes where the surface is steep across the passes."""
         reach = self.reach
         altitudes = reach.mesh.vertices @ direction
         extent = (float(np.min(altitudes)), float(np.max(altitudes)))
@@ -96,30 +99,30 @@ class _Planner:
         segments, _ = reach.segments(direction, further)
         widths = strip_widths(reach.normals[segments.facets], direction, 1.0)
         gap = self.spray.max_gap_mm * MM
-        found = on_steep_sides(segments, widths, least[segments.planes], gap, self.pitch)
-        return replace(found, planes=np.unique(found.planes, return_inverse=True)[1])
+        steep = on_steep_sides(segments, widths, least[segments.planes], gap, self.pitch)
+        return replace(steep, planes=np.unique(steep.planes, return_inverse=True)[1])
 
     def _chained(self, segments: Segments, direction: Floats) -> Iterator[Pass]:
-        """Passes over segments in order, plane by plane; a pass's gaps are bridged."""
+        """Yield the passes over segments in order, plane by plane, with gaps inside a pass bridged."""
         gaps = np.linalg.norm(segments.begins[1:] - segments.ends[:-1], axis=1)
         apart = (np.diff(segments.planes) != 0) | ~(gaps <= self.spray.max_gap_mm * MM)
         starts = np.append(0, np.flatnonzero(apart) + 1) if len(segments.planes) else np.zeros(0, dtype=np.int64)
         ends = np.append(starts[1:], len(segments.planes))
         lengths = np.add.reduceat(np.linalg.norm(segments.ends - segments.begins, axis=1), starts)
-        # What is shorter than the path's own tolerance is a plane that grazes a corner.
+        # A curve shorter than the path's tolerance comes from a plane that grazes a corner.
         starts, ends = (rows[lengths > self.spray.chord_tolerance_mm * MM] for rows in (starts, ends))
         planes = segments.planes[starts]
         for row, plane in enumerate(np.unique(planes).tolist()):
             chosen = np.flatnonzero(planes == plane)
             backwards = self.spray.pattern == "boustrophedon" and row % 2 == 1
             for curve in (chosen[::-1] if backwards else chosen).tolist():
-                found = self._pass(segments, int(starts[curve]), int(ends[curve]), direction)
-                found = replace(found, plane=plane + 1, curve=int(curve - chosen[0]) + 1)
-                yield found.reversed() if backwards else found
+                planned = self._pass(segments, int(starts[curve]), int(ends[curve]), direction)
+                planned = replace(planned, plane=plane + 1, curve=int(curve - chosen[0]) + 1)
+                yield planned.reversed() if backwards else planned
 
     def _heights(self, layer: int, direction: Floats) -> Floats:
-        """Heights (p,) of a layer's planes, between those of the last layer along the same lines."""
-        # A part that is some pitches wide has no further plane for the last bit of its width.
+        """Return the heights (p,) of a layer's planes, shifted against earlier layers in the same direction."""
+        # A part exactly some pitches wide must not get one more plane by rounding.
         heights = plane_heights(self.reach.mesh, direction, self.pitch * (1.0 + ROUNDING))
         angles = [math.cos(2 * (self.travel(other) - self.travel(layer))) for other in range(layer)]
         shift = (sum(angle > 1.0 - 1e-9 for angle in angles) * self.spray.layer_shift) % 1.0
@@ -131,14 +134,14 @@ class _Planner:
         return inside
 
     def _pass(self, segments: Segments, first: int, last: int, direction: Floats) -> Pass:
-        """One pass over the segments from `first` to before `last`, with gaps bridged and its ends overrun."""
+        """Return one pass over the segments `first` to `last` (exclusive), with gaps bridged and both ends overrun."""
         stations, points, facets = _polyline(segments, first, last)
         normals = np.where((facets == NO_FACET)[:, None], np.nan, self.reach.normals[facets])
         spot = self.spray.spot_mm * MM
         exempt = _joined(creases(stations, normals, spot / 2, self.limit) + [-spot / 2, spot / 2])
         exempt = np.clip(exempt, stations[0], stations[-1])
         inner = exempt[(exempt > stations[0]) & (exempt < stations[-1])]
-        # Long facets get vertices, so that the gun can turn on them.
+        # Long facets get extra vertices so that the gun can turn on them.
         spacing = self.spray.max_point_spacing_mm * MM
         further = np.append(inner, np.arange(stations[0] + spacing, stations[-1], spacing))
         further = further[facets[np.searchsorted(stations, further) - 1] != NO_FACET]
@@ -163,7 +166,7 @@ class _Planner:
         )
 
     def _leans(self, facets: Ints, free: Mask, smoothed: Smoothed, remain: Ints) -> Floats:
-        """Lean (k,) that is left at the vertices that remain, beside the deviation of all those they stand for."""
+        """Return the lean (k,) that the deviations of all vertices leave at those that remain."""
         deviations = np.where(free, 0.0, smoothed.deviations)
         spans = np.maximum.reduceat(deviations, remain[:-1])
         spans = np.maximum(spans, deviations[remain[1:]])
@@ -183,7 +186,7 @@ class _Planner:
         direction: Floats,
         goes_on: tuple[bool, bool],
     ) -> Pass:
-        """The pass of a smoothed section: overrun where it ends, points as near to each other as the setup asks."""
+        """Return the pass of a smoothed section, overrun at its ends and subdivided as the setup asks."""
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         places = np.append(0.0, np.cumsum(lengths))
         bounds = np.interp(stations, stations[remain], places)
@@ -228,7 +231,7 @@ class _Planner:
 
 
 def _polyline(segments: Segments, first: int, last: int) -> tuple[Floats, Floats, Ints]:
-    """Arc lengths (n,), vertices (n, 3) and facets (n - 1,) of a chain of segments with its gaps bridged."""
+    """Return arc lengths (n,), vertices (n, 3) and facets (n - 1,) of a chain of segments with its gaps bridged."""
     begins, ends = segments.begins[first:last], segments.ends[first:last]
     points = np.stack([begins, ends], axis=1).reshape(-1, 3)
     facets = np.full(len(points) - 1, NO_FACET)
@@ -242,7 +245,7 @@ def _polyline(segments: Segments, first: int, last: int) -> tuple[Floats, Floats
 def _cut(
     stations: Floats, points: Floats, facets: Ints, normals: Floats, places: Floats
 ) -> tuple[Floats, Floats, Ints, Floats]:
-    """The same polyline with vertices at further places, arc lengths inside it."""
+    """Return the same polyline with extra vertices at some arc lengths `places` inside it."""
     new = np.setdiff1d(places, stations)
     if not len(new):
         return stations, points, facets, normals
@@ -258,7 +261,7 @@ def _cut(
 
 
 def _joined(intervals: Floats) -> Floats:
-    """Intervals (k, 2) in order with those that overlap made one."""
+    """Return sorted intervals (k, 2) with overlapping ones merged."""
     if not len(intervals):
         return intervals
     apart = np.append(True, intervals[1:, 0] > np.maximum.accumulate(intervals[:, 1])[:-1])
@@ -267,7 +270,7 @@ def _joined(intervals: Floats) -> Floats:
 
 
 def _inside_intervals(stations: Floats, intervals: Floats) -> Mask:
-    """Which stations (n,) lie inside an interval (k, 2), its ends not counted but those of the section."""
+    """Return a mask (n,) of the stations inside any open interval (k, 2); the section's own ends count as inside."""
     inside = np.zeros(len(stations), dtype=np.bool_)
     for low, high in intervals:
         begins = (stations > low) | ((stations == low) & (low == stations[0]))
@@ -276,46 +279,46 @@ def _inside_intervals(stations: Floats, intervals: Floats) -> Mask:
 
 
 def _overrun(box: Floats, point: Floats, tangent: Floats, length: float) -> Floats:
-    """Points (k, 3) in metres to go on to beyond the end of a section, k from 0 to 2.
+    """Return the points (k, 3) in metres of the overrun beyond the end of a section, k from 0 to 2.
 
-    Straight on along the tangent; where that leaves the travel, as below its lowest z, the rest of the way is level.
+    It continues straight along the tangent; where that leaves the travel, as below its lowest z, the rest is level.
 
     Args:
         box: (2, 3) travel, metres.
-        point: (3,) the end.
+        point: (3,) the section's end, metres.
         tangent: (3,) out of the section, of any length.
-        length: metres.
+        length: of the overrun, metres.
     """
     points: list[Floats] = []
-    for way in (tangent, tangent * [1.0, 1.0, 0.0]):
-        size = float(np.linalg.norm(way))
-        going = min(length, _room(box, point, way / size)) if size > 0.0 else 0.0
+    for direction in (tangent, tangent * [1.0, 1.0, 0.0]):
+        size = float(np.linalg.norm(direction))
+        going = min(length, _distance_to_travel_end(box, point, direction / size)) if size > 0.0 else 0.0
         if going > ROUNDING:
-            point = np.clip(point + going * way / size, *box)
+            point = np.clip(point + going * direction / size, *box)
             points.append(point)
             length -= going
     return np.array(points).reshape(-1, 3)
 
 
-def _room(box: Floats, point: Floats, tangent: Floats) -> float:
-    """Metres that P can go on from a point (3,) along a unit tangent (3,) inside the travel (2, 3)."""
+def _distance_to_travel_end(box: Floats, point: Floats, tangent: Floats) -> float:
+    """Return the metres that P can move from a point (3,) along a unit tangent (3,) inside the travel (2, 3)."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        rooms = np.where(tangent > 0, (box[1] - point) / tangent, (box[0] - point) / tangent)
-    return max(float(np.min(rooms[tangent != 0])), 0.0)
+        distances = np.where(tangent > 0, (box[1] - point) / tangent, (box[0] - point) / tangent)
+    return max(float(np.min(distances[tangent != 0])), 0.0)
 
 
 def _subdivided(
     points: Floats, normals: Floats, leans: Floats, places: Floats, bridged: Mask, spacing: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """The same path with points no farther apart than the spacing; normals in between are blended.
+    """Return the same path with points no farther apart than the spacing; normals in between are blended.
 
     Args:
         points: (n, 3) metres.
         normals: (n, 3) unit normals.
         leans: (n,) radians.
         places: (n,) arc lengths, metres, not decreasing.
-        bridged: (n - 1,) stretches without surface, inside which the gun may swing.
-        spacing: metres.
+        bridged: (n - 1,) intervals without surface, inside which the gun may swing.
+        spacing: largest distance between points, metres.
     """
     lengths = np.diff(places)
     counts = np.where(lengths > 0.0, np.ceil(lengths / spacing - 1e-9), 0.0).astype(np.int64)
@@ -324,7 +327,7 @@ def _subdivided(
     inner = step > 0
     blended = normals[row] + share[:, None] * (normals[row + 1] - normals[row])
     between = np.minimum(leans[row], leans[row + 1])
-    # Between a point that is limited and one that is not, the way belongs to the one that is not.
+    # Between a limited point and an unlimited one the lean is unlimited.
     between = np.where(bridged[row] | np.isinf(leans[row]) | np.isinf(leans[row + 1]), np.inf, between)
     return (
         np.vstack([points[row] + share[:, None] * (points[row + 1] - points[row]), points[-1:]]),

@@ -1,4 +1,4 @@
-"""Passes: the ways over the part that the gun has to spray, and where they may be split."""
+"""Passes: the planned paths of the gun over the part, and the splits inside them."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from enum import StrEnum
 from tapelayer.arrays import Floats, Frozen, Ints
 from tapelayer.geometry.toolpath import Toolpath
 
-# No facet: a gap that is bridged, or beyond the surface's edge.
+# No facet: over a bridged gap, or beyond the surface's edge.
 NO_FACET = -1
 
 
 @dataclass(frozen=True, eq=False)
 class Pass(Frozen):
-    """One way over the surface with the arc on, from the start of its lead-in to the end of its run-out.
+    """One path over the surface with the arc on, from the start of its lead-in to the end of its run-out.
 
     Attributes:
         path: points and smoothed normals in `machine`, over the arc length of P from 0; its number counts from 1.
-        leans: (n,) greatest lean off each smoothed normal, radians; inf where the gun may swing through.
-        facets: (m,) facet under each stretch of the path, `NO_FACET` where there is none.
-        bounds: (m + 1,) arc lengths where those stretches begin and end.
-        exempt: (k, 2) arc lengths of stretches so near to a crease that no deviation counts.
-        layer: from 1.
-        plane: of the layer, from 1.
-        curve: of the plane, from 1.
+        leans: (n,) largest permitted lean off each smoothed normal, radians; inf where the gun may swing through.
+        facets: (m,) facet under each interval of the path, `NO_FACET` where there is none.
+        bounds: (m + 1,) arc lengths where those intervals begin and end.
+        exempt: (k, 2) arc lengths of intervals so close to a crease that deviations are not judged.
+        layer: number from 1.
+        plane: number in the layer, from 1.
+        curve: number in the plane, from 1.
     """
 
     path: Toolpath
@@ -37,7 +37,7 @@ class Pass(Frozen):
     curve: int
 
     def reversed(self) -> Pass:
-        """The same way backwards."""
+        """Return the same pass backwards."""
         length = self.path.arc_lengths[-1]
         path = Toolpath(
             self.path.number, self.path.points[::-1], self.path.normals[::-1], length - self.path.arc_lengths[::-1]
@@ -54,14 +54,14 @@ class Pass(Frozen):
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """The passes of a job.
+    """The passes of a job and the areas that they cover or miss.
 
     Attributes:
-        passes: in the order in which they are sprayed.
-        sprayed: area of the surface that passes go over, square metres.
-        too_steep: area too steep for a gun from above.
-        hidden: area below other parts of the surface.
-        beyond_travel: area beyond the machine's travel.
+        passes: in spraying order.
+        sprayed: area of the surface that the passes cover, square metres.
+        too_steep: area too steep for a gun from above, square metres.
+        hidden: area below other parts of the surface, square metres.
+        beyond_travel: area beyond the machine's travel, square metres.
     """
 
     passes: tuple[Pass, ...]
@@ -73,12 +73,12 @@ class Plan:
 
 @dataclass(frozen=True)
 class Split:
-    """A place where the arc goes off inside a pass, so that the gun can turn.
+    """A place inside a pass where the arc is switched off so that the gun can turn.
 
     Attributes:
-        number: of the pass, from 1.
+        number: the pass's number, from 1.
         point: in `machine`, metres.
-        reason: why.
+        reason: why the pass is split.
     """
 
     number: int
@@ -87,10 +87,10 @@ class Split:
 
 
 class Reason(StrEnum):
-    """Why a pass splits.
+    """Why a pass is split.
 
-    With more travel of theta and phi there would be no split for TRAVEL. CREASE: the normals turn faster than the axes
-    can follow at half the gun's speed.
+    TRAVEL: more travel of theta and phi would avoid the split. CREASE: the normals turn faster than the axes can follow
+    at half the gun's speed.
     """
 
     TRAVEL = "travel"

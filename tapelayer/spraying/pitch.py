@@ -1,4 +1,4 @@
-"""Pitch: how far apart passes may lie for the coat to be even."""
+"""Pitch: the widest distance between passes that still gives an even coat."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from tapelayer.errors import PitchNotFound
 from tapelayer.spraying.footprint import Footprint
 from tapelayer.units import MM
 
-# Samples in half a period of a raster, and steps to one more overlapping pass in the search for a pitch.
+# Samples in half a period of a raster, and search steps per additional overlapping pass.
 _HALF_PERIOD = 240
 _OVERLAP_STEPS = 25
 
-# Overlapping passes with which the search for a pitch begins.
+# Number of overlapping passes at which the search for a pitch starts.
 _MOST_OVERLAP = 32
 
 
 def raster_cv(footprint: Footprint, pitch: float) -> float:
-    """Standard deviation over mean of the thickness under endless straight passes a pitch (metres) apart on a plane.
+    """Return standard deviation over mean of the thickness of endless passes a pitch (metres) apart on a plane.
 
     Examples:
         >>> from tapelayer.spraying.footprint import Gaussian
@@ -32,14 +32,14 @@ def raster_cv(footprint: Footprint, pitch: float) -> float:
 
 
 def widest_pitch(footprint: Footprint, target_cv: float) -> float:
-    """Widest pitch in metres such that this and every narrower one keep a coefficient of variation on a plane.
+    """Return the widest pitch in metres such that it and every narrower one keep a coefficient of variation on a plane.
 
-    The coefficient of variation does not simply grow with the pitch: a wider pitch behind one that does not keep the
-    target is not taken. Beyond twice the reach, where passes do not overlap, none is taken either.
+    The coefficient of variation is not monotonic in the pitch: a pitch beyond one that misses the target is never
+    returned, even if it meets the target again, nor is one beyond twice the reach, where passes do not overlap.
 
     Args:
-        footprint: what the gun leaves.
-        target_cv: standard deviation over mean, e.g. 0.05.
+        footprint: of the gun.
+        target_cv: largest standard deviation over mean, e.g. 0.05.
 
     Raises:
         PitchNotFound: passes would have to be closer than 1/32 of the footprint's diameter.
@@ -56,7 +56,7 @@ def widest_pitch(footprint: Footprint, target_cv: float) -> float:
     def cv(overlap: float) -> float:
         return _raster_cv(lambda x: np.interp(np.abs(x), offsets, profile, right=0.0), reach, 2 * reach / overlap)
 
-    # Bumps of the coefficient of variation come once for each pass that overlaps.
+    # The coefficient of variation has one bump for each overlapping pass, so search evenly in the overlap.
     steps = np.arange(_MOST_OVERLAP * _OVERLAP_STEPS, _OVERLAP_STEPS - 1, -1) / _OVERLAP_STEPS
     kept = steps[0]
     if not cv(kept) <= target_cv:
@@ -76,7 +76,7 @@ def widest_pitch(footprint: Footprint, target_cv: float) -> float:
 
 
 def _raster_cv(across: Callable[[Floats], Floats], reach: float, pitch: float) -> float:
-    # Thickness is even about each pass: half a period tells all.
+    # The thickness is symmetric about each pass: half a period is enough.
     offsets = (np.arange(_HALF_PERIOD) + 0.5) / _HALF_PERIOD * pitch / 2
     passes = math.ceil(reach / pitch) + 1
     thickness = np.sum(across(offsets[:, None] - pitch * np.arange(-passes, passes + 1)), axis=1)

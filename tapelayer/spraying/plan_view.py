@@ -1,4 +1,4 @@
-"""Views of a spraying program: the part from above with its coat and passes, a histogram, and sections of the coat."""
+"""Plan view: the part from above with its coat and passes, a histogram of the thickness, and sections of the coat."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from tapelayer.spraying.coat import Coat
 from tapelayer.spraying.passes import Plan
 from tapelayer.units import MM
 
-# Pixels of a cell of the map; a cell is never smaller on the part than samples are apart.
+# Smallest cell of the map in pixels; on the part a cell is never smaller than the spacing of the samples.
 LEAST_CELL = 3.0
 BINS = 60
 MICROMETRES = 1e6
 
 
 def plan_view(plan: Plan, coat: Coat | None) -> list[Element]:
-    """The part from above to scale, in `machine` axes: passes, and the coat's thickness where there is one."""
-    ways = [found.path.points[:, :2] / MM for found in plan.passes]
-    corners = np.vstack(ways if coat is None else [*ways, coat.surface.points[:, :2] / MM])
+    """Return the part from above to scale, in `machine` axes: the passes, and the thickness of any coat."""
+    paths = [one.path.points[:, :2] / MM for one in plan.passes]
+    corners = np.vstack(paths if coat is None else [*paths, coat.surface.points[:, :2] / MM])
     low, high = corners.min(axis=0), corners.max(axis=0)
     panel, scale = plan_panel(low, high)
     nodes = panel.drawn(heading_of(("y over x, mm", "")), [], [])
@@ -43,9 +43,9 @@ def plan_view(plan: Plan, coat: Coat | None) -> list[Element]:
         nodes += _map(panel, coat, values, scale, highest)
         unit = "of the mean" if coat.relative else "um"
         nodes += colour_bar(panel.left + panel.width + 24, panel.top, ("thickness", unit), highest)
-    lines = "".join(polyline(panel.across(way[:, 0]), panel.down(way[:, 1])) for way in ways)
+    lines = "".join(polyline(panel.across(path[:, 0]), panel.down(path[:, 1])) for path in paths)
     nodes.append(element("path", d=lines, transform="scale(.1)", class_="line way"))
-    arrows = [_arrow(panel.across(way[:, 0]), panel.down(way[:, 1])) for way in ways]
+    arrows = [_arrow(panel.across(path[:, 0]), panel.down(path[:, 1])) for path in paths]
     nodes.append(element("path", d="".join(arrows), class_="arrow"))
     nodes.append(scale_bar(panel, scale))
     words = (
@@ -58,12 +58,12 @@ def plan_view(plan: Plan, coat: Coat | None) -> list[Element]:
 
 
 def coat_plots(plan: Plan, coat: Coat) -> list[Element]:
-    """Histogram of the thickness by area, and sections of the coat along the longest pass and across the passes."""
+    """Return a histogram of the thickness, and sections of the coat along the longest pass and across the passes."""
     values, unit = _shown(coat)
     even = coat.evenness
     scale = MICROMETRES if not coat.relative else 1.0
     mean = even.mean * scale
-    longest = max(plan.passes, key=lambda found: float(found.path.arc_lengths[-1]))
+    longest = max(plan.passes, key=lambda one: float(one.path.arc_lengths[-1]))
     begin, end = longest.path.points[[0, -1], :2]
     along = (end - begin) / np.linalg.norm(end - begin)
     across = np.array([-along[1], along[0]])
@@ -89,14 +89,14 @@ def coat_plots(plan: Plan, coat: Coat) -> list[Element]:
 
 
 def _shown(coat: Coat) -> tuple[Floats, str]:
-    """Thickness (m,) as it is shown, and its unit with a space before it."""
+    """Return the thickness (m,) in the unit of the page, and that unit with a space before it."""
     if coat.relative:
         return coat.thickness, ""
     return coat.thickness * MICROMETRES, " um"
 
 
 def _highest(values: Floats) -> float:
-    """The end of the colours: a round value that all but the thickest hundredth keeps below."""
+    """Return the top of the colour scale: a round value that all but the thickest 1 % stay below."""
     most = float(np.quantile(values, 0.99))
     if not most > 0.0:
         return 1.0
@@ -107,7 +107,7 @@ def _highest(values: Floats) -> float:
 
 
 def _map(panel: Panel, coat: Coat, values: Floats, scale: float, highest: float) -> list[Element]:
-    """Cells by colour; each has the mean of the samples in it."""
+    """Return the map's cells by colour, each coloured by the mean of its samples."""
     surface = coat.surface
     cell = max(LEAST_CELL, 1.1 * coat.spacing / MM * scale)
     columns = ((panel.across(surface.points[:, 0] / MM) - panel.left) / cell).astype(np.int64)
@@ -127,7 +127,7 @@ def _map(panel: Panel, coat: Coat, values: Floats, scale: float, highest: float)
 
 
 def _runs(cells: Ints, width: int, cell: float, panel: Panel) -> str:
-    """Path of cells in rows, those beside each other in one."""
+    """Return the SVG path of cells, with adjacent cells of a row drawn as one."""
     if not len(cells):
         return ""
     new = np.append(True, (np.diff(cells) != 1) | (cells[1:] % width == 0))
@@ -136,13 +136,13 @@ def _runs(cells: Ints, width: int, cell: float, panel: Panel) -> str:
     parts = []
     for start, count in zip(cells[first].tolist(), counts.tolist(), strict=True):
         left, top = panel.left + start % width * cell, panel.top + start // width * cell
-        # A little overlap leaves no seams between the cells.
+        # A little overlap hides the seams between cells.
         parts.append(f"M{px(left)} {px(top)}h{px(count * cell + 0.2)}v{px(cell + 0.2)}H{px(left)}z")
     return "".join(parts)
 
 
 def _histogram(values: Floats, areas: Floats, mean: float, unit: str) -> Element:
-    """Share of the area by thickness."""
+    """Return a histogram of the share of the area by thickness."""
     low, high = extent(values)
     low = min(low, 0.0)
     shares, edges = np.histogram(values, bins=BINS, range=(low, high), weights=areas / np.sum(areas) * 100.0)
@@ -161,7 +161,7 @@ def _histogram(values: Floats, areas: Floats, mean: float, unit: str) -> Element
 
 
 def _arrow(across: Floats, down: Floats) -> str:
-    """An arrowhead in the middle of a path."""
+    """Return an arrowhead in the middle of a path."""
     middle = max(len(across) // 2, 1)
     tip = np.array([across[middle], down[middle]])
     before = np.array([across[middle - 1], down[middle - 1]])

@@ -1,4 +1,4 @@
-"""Trajectory file: the gun's poses, pass by pass in the order in which they are sprayed, in the part's frame."""
+"""Pose file: the gun's poses as text, pass by pass in spraying order, in the part's frame."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ DECIMALS = 4
 def trajectory_text(
     passes: Sequence[Pass], pieces: Sequence[Piece], placement: tuple[Floats, Floats], provenance: Provenance
 ) -> bytes:
-    """The file: `#` lines, rows `x y z theta phi` in mm and degrees, a blank line after each pass.
+    """Return the file: `#` lines, rows `x y z theta phi` in mm and degrees, a blank line after each pass.
 
-    Theta is unwrapped as in the program; the program's is this one plus the part's turn.
+    Theta is unwrapped as in the program; theta in the program is the value here plus the part's rotation.
 
     Args:
         passes: in order.
-        pieces: what is sprayed of them, in order.
+        pieces: the pieces sprayed of them, in order.
         placement: rotation (3, 3) about z and origin (3,) in metres of the part's frame in `machine`.
-        provenance: what the header says of the sources.
+        provenance: the sources named in the header.
     """
     rotation, origin = placement
     turn = np.arctan2(rotation[1, 0], rotation[0, 0])
@@ -42,16 +42,16 @@ def trajectory_text(
         file.write(f"# {line}\n".encode("ascii"))
     before = -1
     for piece in pieces:
-        found = passes[piece.index]
+        planned = passes[piece.index]
         if piece.index != before:
             head = "" if before < 0 else "\n"
-            head += f"# pass {found.path.number} plane {found.plane} curve {found.curve} layer {found.layer}\n"
+            head += f"# pass {planned.path.number} plane {planned.plane} curve {planned.curve} layer {planned.layer}\n"
             file.write(head.encode("ascii"))
         else:
             file.write(b"# split\n")
         points = (piece.joints[:, :3] - origin) @ rotation / MM
         rows = np.column_stack([points, (piece.joints[:, 3] - turn) / DEG, piece.joints[:, 4] / DEG])
-        # Adding 0 takes the sign off a zero.
+        # Adding 0 removes the sign of a zero.
         np.savetxt(file, np.round(rows, DECIMALS) + 0.0, fmt=f"%.{DECIMALS}f")
         before = piece.index
     file.write(b"\n")
@@ -59,5 +59,5 @@ def trajectory_text(
 
 
 def _plain(name: str) -> str:
-    """A file's name in printable ASCII."""
+    """Return a file's name in printable ASCII."""
     return "".join(letter if " " <= letter <= "~" else "_" for letter in name)

@@ -1,4 +1,4 @@
-"""Spraying: passes and a setup become the blocks of a program."""
+"""Program: the passes of a job become the blocks of a spraying program."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tapelayer.arrays import Floats, frozen
+from tapelayer.arrays import Floats, Frozen
 from tapelayer.machines.machine import Machine
 from tapelayer.machines.wrist import AXES, gun_axes
 from tapelayer.motion.planned_blocks import PlannedBlocks, dwell_block, feed_blocks, rapid_blocks, switch_block
@@ -21,19 +21,19 @@ from tapelayer.spraying.settings import SpraySetup
 from tapelayer.spraying.wrist_path import follow
 from tapelayer.units import MM
 
-# A way between passes keeps the arc on only if the axes can follow at this share of the gun's speed.
+# A link between passes keeps the arc on only if the axes can follow at this share of the gun's speed.
 SLOWEST = 0.5
-# A block is slow where an axis takes longer than the gun would by more than this share.
+# A block is slow if an axis needs more time than the gun would, by more than this share.
 _SLOW = 1e-3
 _EVERY_AXIS = (1 << len(AXES)) - 1
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class Piece(Frozen):
     """A pass, or a part of it between splits, with the wrist's angles.
 
     Attributes:
-        index: of the pass.
+        index: index of the pass.
         arc_lengths: (n,) metres along the pass.
         joints: (n, 5) values of `AXES`, metres and radians.
     """
@@ -42,20 +42,15 @@ class Piece:
     arc_lengths: Floats
     joints: Floats
 
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        for name in ("arc_lengths", "joints"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
-
 
 @dataclass(frozen=True)
 class Slowdown:
-    """The slowest place of a pass in which an axis holds the gun back.
+    """The slowest place of a pass in which an axis slows the gun down.
 
     Attributes:
-        number: of the pass, from 1.
+        number: the pass's number, from 1.
         point: in `machine`, metres.
-        axis: the axis.
+        axis: name of the axis.
         speed: of the gun, m/s.
     """
 
@@ -67,13 +62,13 @@ class Slowdown:
 
 @dataclass(frozen=True, eq=False)
 class Spraying:
-    """A planned program.
+    """A planned spraying program.
 
     Attributes:
         trajectory: its blocks.
-        pieces: what it sprays, in order.
-        splits: where passes are in pieces.
-        slowdowns: where axes hold the gun back, one a pass.
+        pieces: the pieces it sprays, in order.
+        splits: where passes are split into pieces.
+        slowdowns: where axes slow the gun down, at most one per pass.
     """
 
     trajectory: Trajectory
@@ -86,11 +81,11 @@ def spray(passes: Sequence[Pass], setup: SpraySetup, machine: Machine, highest: 
     """Return the program of passes: every pass approached, sprayed and left, or linked to the next with the arc on.
 
     Args:
-        passes: in the order in which they are sprayed.
+        passes: in spraying order.
         setup: the job's values.
         machine: the robot, with the setup's limits already in it.
         highest: z of the part's highest point in `machine`, metres.
-        tick: called for every pass that is done.
+        tick: called after every pass.
     """
     wrist = wrist_of(setup, machine)
     theta = min(max(0.0, wrist.theta.lower), wrist.theta.upper)
@@ -130,12 +125,12 @@ def spray(passes: Sequence[Pass], setup: SpraySetup, machine: Machine, highest: 
 
 @dataclass(frozen=True, eq=False)
 class SprayedPass:
-    """A pass as it is sprayed.
+    """A pass with the pieces in which it is sprayed.
 
     Attributes:
-        index: of the pass, from 0.
+        index: index of the pass, from 0.
         planned: the pass.
-        pieces: those of it that are longer than nothing, in order.
+        pieces: its pieces of nonzero length, in order.
     """
 
     index: int
@@ -145,14 +140,14 @@ class SprayedPass:
 
 @dataclass(frozen=True, eq=False)
 class Gun:
-    """What all passes of a program have in common, and the blocks that they are made of.
+    """Everything that the passes of a program share, and the blocks that they are made of.
 
     Attributes:
         setup: the job's values.
         limits: of `AXES`.
         lower: (3,) lower ends of the travel of x, y, z, metres.
         upper: (3,) upper ends, metres.
-        height: of axis z on the way from pass to pass, metres, where the ends of the way are not higher.
+        height: of axis z on a link from pass to pass, metres, unless one of its ends is higher.
     """
 
     setup: SpraySetup
@@ -162,44 +157,44 @@ class Gun:
     height: float
 
     def fed(self, begin: Floats, nodes: Floats) -> PlannedBlocks:
-        """Straight blocks from joint values (5,) through nodes (m, 5) at the gun's speed, or as fast as the axes go."""
-        ways = np.linalg.norm(np.diff(nodes[:, :3], axis=0, prepend=begin[None, :3]), axis=1)
-        return feed_blocks(begin, nodes, self.limits, at_speed(ways, self.setup.speed))
+        """Return straight blocks from joint values (5,) through nodes (m, 5) at the gun's speed or the axes' limits."""
+        lengths = np.linalg.norm(np.diff(nodes[:, :3], axis=0, prepend=begin[None, :3]), axis=1)
+        return feed_blocks(begin, nodes, self.limits, at_speed(lengths, self.setup.speed))
 
-    def drawn_off(self, joints: Floats) -> Floats:
-        """Joint values (5,) with P drawn off along the gun's axis as far as the travel permits."""
+    def retracted(self, joints: Floats) -> Floats:
+        """Return joint values (5,) with P retracted along the gun's axis as far as the travel permits."""
         axis = gun_axes(joints[3], joints[4])
         with np.errstate(divide="ignore", invalid="ignore"):
-            rooms = np.where(axis > 0, (self.upper - joints[:3]) / axis, (self.lower - joints[:3]) / axis)
-        room = max(float(np.min(rooms[axis != 0])), 0.0)
+            distances = np.where(axis > 0, (self.upper - joints[:3]) / axis, (self.lower - joints[:3]) / axis)
+        free = max(float(np.min(distances[axis != 0])), 0.0)
         away = joints.copy()
-        away[:3] += min(self.setup.spray.retract_mm * MM, room) * axis
+        away[:3] += min(self.setup.spray.retract_mm * MM, free) * axis
         return np.concatenate([np.clip(away[:3], self.lower, self.upper), away[3:]])
 
     def near(self, end: Floats, start: Floats) -> bool:
-        """Whether the gun may go on from joint values to joint values (5,) with the arc on."""
-        way = float(np.linalg.norm(start[:3] - end[:3]))
+        """Return whether the gun may move from joint values `end` to `start` (5,) with the arc on."""
+        distance = float(np.linalg.norm(start[:3] - end[:3]))
         turning = float(rapids((start - end)[None], self.limits)[0])
-        if not 0.0 < way <= self.setup.spray.max_gap_mm * MM:
+        if not 0.0 < distance <= self.setup.spray.max_gap_mm * MM:
             return False
-        return turning * SLOWEST <= at_speed(way, self.setup.speed)
+        return turning * SLOWEST <= at_speed(distance, self.setup.speed)
 
     def linked(self, end: Floats, start: Floats) -> PlannedBlocks:
-        """Blocks from the end of a pass straight on to the start of the next, with the arc on."""
-        way = float(np.linalg.norm(start[:3] - end[:3]))
-        steps = max(math.ceil(way / (self.setup.spray.max_point_spacing_mm * MM) - 1e-9), 1)
+        """Return blocks from the end of a pass straight to the start of the next, with the arc on."""
+        distance = float(np.linalg.norm(start[:3] - end[:3]))
+        steps = max(math.ceil(distance / (self.setup.spray.max_point_spacing_mm * MM) - 1e-9), 1)
         return self.fed(end, np.linspace(end, start, steps + 1)[1:]).stating(0, _EVERY_AXIS)
 
     def approached(self, begin: Floats, start: Floats) -> PlannedBlocks:
-        """Blocks above the part to the start of a pass, where air and arc go on; unknown joints of `begin` are NaN."""
-        approach = self.drawn_off(start)
+        """Return blocks over the part to the start of a pass, then air and arc on; joints of `begin` may be NaN."""
+        approach = self.retracted(start)
         up, over = begin.copy(), approach.copy()
         up[2] = over[2] = max(self.height, float(np.nanmax([begin[2], approach[2]])))
-        way = rapid_blocks(begin, np.stack([up, over, approach]), self.limits)
+        link = rapid_blocks(begin, np.stack([up, over, approach]), self.limits)
         lead = self.setup.process.air_lead_s
         return PlannedBlocks.joined(
             [
-                way.stating(0, 1 << AXES.index("z")).stating(1, _EVERY_AXIS),
+                link.stating(0, 1 << AXES.index("z")).stating(1, _EVERY_AXIS),
                 self.fed(approach, start[None]),
                 switch_block(start, Event.AIR_ON),
                 *([dwell_block(start, lead)] if lead else []),
@@ -208,11 +203,11 @@ class Gun:
         )
 
     def sprayed(self, pieces: Sequence[Piece]) -> PlannedBlocks:
-        """Blocks along the pieces of a pass from the start of the first, the arc off between them."""
+        """Return blocks along the pieces of a pass from the start of the first, with the arc off between pieces."""
         parts = [self.fed(pieces[0].joints[0], pieces[0].joints[1:])]
         for before, piece in zip(pieces, pieces[1:], strict=False):
             end, start = before.joints[-1], piece.joints[0]
-            left, approach = self.drawn_off(end), self.drawn_off(start)
+            left, approach = self.retracted(end), self.retracted(start)
             parts += [
                 switch_block(end, Event.ARC_OFF),
                 self.fed(end, left[None]),
@@ -224,8 +219,8 @@ class Gun:
         return PlannedBlocks.joined(parts)
 
     def left(self, end: Floats, layer_done: bool) -> PlannedBlocks:
-        """Blocks that switch off and draw the gun off after a pass; between layers it waits or stops."""
-        away, spray = self.drawn_off(end), self.setup.spray
+        """Return blocks that switch off and retract the gun after a pass; between layers it waits or stops."""
+        away, spray = self.retracted(end), self.setup.spray
         parts = [switch_block(end, Event.ARC_OFF), switch_block(end, Event.AIR_OFF), self.fed(end, away[None])]
         if layer_done and spray.interlayer_dwell_s:
             parts.append(dwell_block(away, spray.interlayer_dwell_s))
@@ -235,7 +230,7 @@ class Gun:
 
 
 def _trajectory(gun: Gun, sprayed: Sequence[SprayedPass]) -> Trajectory:
-    """The program of passes that have pieces, in order, until the gun is drawn off and arc and air are off."""
+    """Return the program of passes that have pieces, in order, to the end: gun retracted, arc and air off."""
     parts: list[tuple[int, PlannedBlocks]] = []
     at = np.full(len(AXES), np.nan)
     for before, each in zip([None, *sprayed], sprayed, strict=False):
@@ -256,13 +251,13 @@ def _trajectory(gun: Gun, sprayed: Sequence[SprayedPass]) -> Trajectory:
 
 
 def _slowest(gun: Gun, sprayed: SprayedPass) -> Slowdown | None:
-    """The slowest place of a pass, where an axis holds the gun back."""
-    slow = [found for piece in sprayed.pieces if (found := _slowdown(gun, sprayed.planned.path.number, piece))]
-    return min(slow, key=lambda found: found.speed, default=None)
+    """Return the slowest place of a pass where an axis slows the gun down, if any."""
+    slow = [place for piece in sprayed.pieces if (place := _slowdown(gun, sprayed.planned.path.number, piece))]
+    return min(slow, key=lambda place: place.speed, default=None)
 
 
 def _slowdown(gun: Gun, number: int, piece: Piece) -> Slowdown | None:
-    """The slowest place of a piece of the pass with this number, where an axis holds the gun back."""
+    """Return the slowest place of a piece, of the pass with this number, where an axis slows the gun down, if any."""
     steps, lengths = np.diff(piece.joints, axis=0), np.diff(piece.arc_lengths)
     with np.errstate(divide="ignore", invalid="ignore"):
         speeds = lengths / feeds(steps, gun.limits, at_speed(lengths, gun.setup.speed))

@@ -1,4 +1,4 @@
-"""Quantities of a spraying report, in the order of the JSON report."""
+"""Quantities: the rows of a spraying report, in the order of its JSON."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.program import Slowdown
 from tapelayer.units import DEG, MM, json_number
 
-# Areas below this are rounding, square metres.
+# Areas below this, in square metres, are rounding.
 LEAST_AREA = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A program that was judged, with what it was planned for.
+    """A judged program, with the plan that it was made from.
 
     Attributes:
-        evidence: what verification measured.
+        evidence: the measurements of verification.
         plan: the passes and areas.
-        coat: what the program leaves on the part; None where there is no footprint, as in plating.
+        coat: the coat that the program leaves on the part; None if there is no footprint, as in plating.
         mesh: the surface in `machine`.
-        slowdowns: where axes hold the gun back.
-        pitch: from pass to pass, metres.
+        slowdowns: where axes slow the gun down.
+        pitch: distance from pass to pass, metres.
         standoff: nozzle to surface, metres.
     """
 
@@ -47,12 +47,12 @@ class Judged:
 
     @property
     def samples(self) -> SpraySamples:
-        """What was measured with the arc on."""
+        """Return the measurements with the arc on."""
         return self.evidence.samples
 
 
 def _largest(values: Floats) -> float:
-    """Largest of the values (n,) that were measured; NaN where none was."""
+    """Return the largest of the values (n,) that are not NaN; NaN if there is none."""
     measured = values[~np.isnan(values)]
     return float(np.max(measured)) if len(measured) else math.nan
 
@@ -72,20 +72,20 @@ def _slowdowns(judged: Judged) -> list[dict[str, Any]]:
 
 
 def _unreachable(judged: Judged) -> list[dict[str, Any]]:
-    """Areas that are not sprayed, by reason; `facing` is what is too steep for a gun from above."""
+    """Return the areas that are not sprayed, by reason; `facing` is the area too steep for a gun from above."""
     plan = judged.plan
     areas = (("facing", plan.too_steep), ("hidden", plan.hidden), ("travel", plan.beyond_travel))
     return [{"reason": reason, "area_m2": area} for reason, area in areas if area > LEAST_AREA]
 
 
 def _mesh(judged: Judged) -> dict[str, Any]:
-    """Counts of facets, and of what was mended or only noticed."""
+    """Return the number of facets, and counts of the faults that were mended or only noticed."""
     mended = {name: count for name, count in asdict(judged.mesh.mending).items() if name != "facets_read"}
     return {"facets": len(judged.mesh.facets), "mended": mended}
 
 
 def _thickness(judged: Judged) -> dict[str, Any] | None:
-    """Thickness of the coat; relative in keys that end in _rel."""
+    """Return statistics of the coat's thickness; keys that end in _rel are relative to the mean."""
     coat = judged.coat
     if coat is None:
         return None

@@ -1,4 +1,4 @@
-"""Reach: where a part lies in the machine, and what of its surface the gun's point P can go along."""
+"""Reach: where a part lies in the machine, and the part of its surface that the gun can spray."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from tapelayer.machines.wrist import Wrist, reachable
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import DEG, MM
 
-# Two points nearer to each other are one, metres.
+# Points closer together than this, in metres, are one point.
 SAME_POINT = 1e-12
-# Metres by which rounding may bring a point beyond the travel.
+# Distance in metres by which rounding may move a point beyond the travel.
 ROUNDING = 1e-9
 
 
 def placement(mesh: Mesh, setup: SpraySetup, machine: Machine) -> tuple[Floats, Floats]:
-    """Rotation (3, 3) and origin (3,) in metres that bring the part's frame into `machine`: rotation p + origin."""
+    """Return the rotation (3, 3) and origin (3,) in metres from the part's frame to `machine`: rotation p + origin."""
     turn = setup.part.rotation_deg * DEG
     rotation = Rotation.from_euler("z", turn).as_matrix()
     vertices = mesh.vertices @ rotation.T
@@ -41,20 +41,20 @@ def placement(mesh: Mesh, setup: SpraySetup, machine: Machine) -> tuple[Floats, 
 
 
 def wrist_of(setup: SpraySetup, machine: Machine) -> Wrist:
-    """What the gun's direction may do."""
+    """Return the wrist with the travel, speeds and lean that the gun's direction is limited by."""
     return Wrist(machine.axis("theta"), machine.axis("phi"), setup.speed, setup.max_deviation)
 
 
 @dataclass(frozen=True, eq=False)
 class Segments(Frozen):
-    """Pieces of sections that can be sprayed, in the order of planes and of travel.
+    """Pieces of sections that can be sprayed, in order of planes and then of travel.
 
     Attributes:
         begins: (n, 3) metres.
         ends: (n, 3) metres.
         facets: (n,) facet of each.
         planes: (n,) plane of each.
-        goes_on: (n, 2) whether the section goes on at its begin and end without a further piece.
+        goes_on: (n, 2) whether the section continues beyond the piece's start and end, with no piece there.
     """
 
     begins: Floats
@@ -65,16 +65,16 @@ class Segments(Frozen):
 
     @property
     def lengths(self) -> Floats:
-        """Length (n,) of each piece in metres."""
+        """Return the length (n,) of each piece in metres."""
         lengths: Floats = np.linalg.norm(self.ends - self.begins, axis=1)
         return lengths
 
 
 class Reach:
-    """A surface, and what of it can be sprayed: seen from above, inside the travel, at an angle that the wrist has.
+    """A surface and the part of it that can be sprayed: seen from above, within the travel, at an angle the wrist has.
 
     Args:
-        mesh: in `machine`.
+        mesh: the surface in `machine`.
         setup: the job's values.
         machine: the robot, with the setup's limits already in it.
     """
@@ -85,11 +85,11 @@ class Reach:
         axes = [machine.axis(name) for name in "xyz"]
         self.box = np.array([[axis.lower for axis in axes], [axis.upper for axis in axes]])
         self.wrist = wrist_of(setup, machine)
-        # Facets that can be sprayed as far as the wrist is concerned; a planner may give up more of them.
+        # Facets whose normals the wrist can reach; a planner may give up more of them.
         self.facets = reachable(self.wrist, self.normals, np.full(len(self.normals), setup.max_deviation))
 
     def segments(self, direction: Floats, heights: Floats) -> tuple[Segments, float]:
-        """What of the sections with planes P can go along, and the share of the area beyond the travel.
+        """Return the pieces of plane sections that can be sprayed, and the share of the area beyond the travel.
 
         Args:
             direction: (3,) unit normal of the planes, level.
@@ -103,10 +103,10 @@ class Reach:
         areas = sections.lengths * strip_widths(self.normals[facets], direction, 1.0)
         lost = float(np.sum(np.where(inside, 1.0 - (last - first), 1.0) * areas))
         total = float(np.sum(areas))
-        ways = ends - begins
+        steps = ends - begins
         segments = Segments(
-            begins=np.where((first > 0.0)[:, None], begins + first[:, None] * ways, begins)[inside],
-            ends=np.where((last < 1.0)[:, None], begins + last[:, None] * ways, ends)[inside],
+            begins=np.where((first > 0.0)[:, None], begins + first[:, None] * steps, begins)[inside],
+            ends=np.where((last < 1.0)[:, None], begins + last[:, None] * steps, ends)[inside],
             facets=facets[inside],
             planes=np.repeat(sections.planes, np.diff(sections.offsets) - 1)[inside],
             goes_on=np.zeros((int(np.sum(inside)), 2), dtype=np.bool_),
@@ -114,18 +114,18 @@ class Reach:
         return segments, lost / total if total else 0.0
 
     def holds(self, points: Floats, normals: Floats) -> Mask:
-        """Whether points (n, 3) in metres are inside the travel, and the wrist has angles for their normals (n, 3)."""
+        """Return a mask (n,) of points (n, 3) in metres inside the travel whose normals (n, 3) the wrist can reach."""
         inside = np.all((points >= self.box[0] - ROUNDING) & (points <= self.box[1] + ROUNDING), axis=1)
         held: Mask = inside & reachable(self.wrist, normals, np.full(len(normals), self.wrist.max_deviation))
         return held
 
 
-def _clipped(begins: Floats, ways: Floats, box: Floats) -> tuple[Floats, Floats]:
-    """Shares (n,) of each way at which it enters and leaves a box (2, 3); equal where it does not meet it."""
+def _clipped(begins: Floats, steps: Floats, box: Floats) -> tuple[Floats, Floats]:
+    """Return the fractions (n,) at which segments enter and leave a box (2, 3); equal if a segment misses it."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        shares = (box[:, None, :] - begins) / ways
-    # Along an axis in which it does not move, a way is inside from its begin to its end or not at all.
-    still, within = ways == 0.0, (begins >= box[0]) & (begins <= box[1])
+        shares = (box[:, None, :] - begins) / steps
+    # Along an axis in which it does not move, a segment is inside from start to end or not at all.
+    still, within = steps == 0.0, (begins >= box[0]) & (begins <= box[1])
     enters = np.where(still, np.where(within, 0.0, 1.0), np.minimum(shares[0], shares[1]))
     leaves = np.where(still, np.where(within, 1.0, 0.0), np.maximum(shares[0], shares[1]))
     first, last = np.clip(np.max(enters, axis=1), 0.0, 1.0), np.clip(np.min(leaves, axis=1), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Scene of a spraying program: errors with the arc on, the part, and the coat as it grows."""
+"""Scene: the measured errors, the part and the growing coat of a spraying program, for a page to draw."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COAT_MOMENTS = 64
 
 
 def scene(result: SprayResult, mould: Mesh | None) -> Scene:
-    """Return what a page draws of a result; the part is its own mould."""
+    """Return the scene of a result; the part is its own mould."""
     samples, coat = result.evidence.samples, result.judged.coat
     numbers = np.array([one.path.number for one in result.job.pass_plan.passes])
     tables = {"errors": error_table(samples, numbers)}
@@ -30,11 +30,11 @@ def scene(result: SprayResult, mould: Mesh | None) -> Scene:
 
 
 def error_table(samples: SpraySamples, numbers: Ints) -> SceneTable:
-    """What was measured with the arc on; `beside_crease` is 1 where no deviation counts.
+    """Return the measurements with the arc on; `beside_crease` is 1 where deviations are not judged.
 
     Args:
-        samples: with the arc on.
-        numbers: number of each pass, by its index.
+        samples: measured with the arc on.
+        numbers: number of each pass, by index.
     """
     columns = {
         "time_s": samples.times,
@@ -49,11 +49,11 @@ def error_table(samples: SpraySamples, numbers: Ints) -> SceneTable:
 
 
 def coat_table(coat: Coat, samples: SpraySamples, setup: SpraySetup) -> SceneTable:
-    """Samples of the surface with their thickness while the coat grows; `times` of these moments, and the `unit`.
+    """Return surface samples with their thickness as the coat grows, the `times` of these moments, and the `unit`.
 
     Args:
         coat: what the program leaves.
-        samples: places and times with the arc on.
+        samples: measured with the arc on.
         setup: the job's values.
     """
     chosen = _spread(coat.surface.points, float(np.sum(coat.surface.areas)))
@@ -65,7 +65,7 @@ def coat_table(coat: Coat, samples: SpraySamples, setup: SpraySetup) -> SceneTab
 
 
 def _spread(points: Floats, area: float) -> Mask:
-    """Points (m,), of at most so many, that are chosen evenly from those of a surface of that area (m^2)."""
+    """Return a mask (m,) of at most MOST_COAT_SAMPLES points, spread evenly over a surface with an area in m^2."""
     chosen = np.ones(len(points), dtype=np.bool_)
     cell = math.sqrt(area / MOST_COAT_SAMPLES)
     while np.count_nonzero(chosen) > MOST_COAT_SAMPLES:

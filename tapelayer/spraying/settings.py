@@ -1,4 +1,4 @@
-"""Setup of a spraying job: every value that is neither in the model's file, nor the URDF, nor the controller table."""
+"""Settings: every value of a spraying job that is in none of model file, URDF and controller table."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ class SprayProcessSettings(Section, title="Process"):
         return self
 
     def notes(self) -> tuple[str, ...]:
-        """The values that are given, with their units, for the program's header."""
+        """Return the given values, with their units, for the program's header."""
         keys = ("current_a", *(ARC_KEYS if self.kind == "arc" else PLATING_KEYS))
         given = [(key, getattr(self, key)) for key in keys]
         return (f"process {self.kind}", *(f"{key} {value:g}" for key, value in given if value is not None))
@@ -221,31 +221,31 @@ class SpraySetup(JobSetup):
 
     @property
     def standoff(self) -> float:
-        """Nozzle to surface in metres."""
+        """Return the distance from nozzle to surface in metres."""
         if self.process.kind == "plating":
             return 0.0
         return (STANDOFF_MM if self.spray.standoff_mm is None else self.spray.standoff_mm) * MM
 
     @property
     def speed(self) -> float:
-        """Speed of the gun along the surface, m/s."""
+        """Return the speed of the gun along the surface, m/s."""
         return (self.process.relative_speed_mm_per_s or self.spray.speed_mm_per_s) * MM
 
     @property
     def smoothing(self) -> float:
-        """Window over which normals are averaged, metres."""
+        """Return the window over which normals are averaged, metres."""
         return (self.spray.spot_mm if self.spray.smoothing_mm is None else self.spray.smoothing_mm) * MM
 
     @property
     def max_deviation(self) -> float:
-        """Greatest angle of the gun off the surface's normal, radians."""
+        """Return the largest angle of the gun off the surface's normal, radians."""
         return self.spray.max_deviation_deg * DEG
 
     def sha256(self, urdf: bytes, profile: bytes) -> str:
-        """SHA-256 of the effective values, hexadecimal; files enter by their content, not by their path.
+        """Return the SHA-256 of the effective values in hexadecimal; files count by content, not by path.
 
         Args:
             urdf: the bytes of the URDF in use.
-            profile: the bytes of the footprint's profile; none where there is none.
+            profile: the bytes of the footprint's profile; empty without a profile.
         """
         return self.digest({("machine", "urdf"): urdf, ("footprint", "profile"): profile})

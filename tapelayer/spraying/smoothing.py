@@ -1,7 +1,7 @@
-"""Smoothing: the direction that a gun takes along a section, creases that no direction serves, and points left out.
+"""Smoothing: the direction of the gun along a section, and the creases that no single direction can serve.
 
-A section is a polyline over arc length. Each stretch from a vertex to the next runs on one facet and has its normal, or
-bridges a gap and has none (NaN).
+A section is a polyline over arc length. Each segment runs on one facet and has its normal, or bridges a gap and has
+none (NaN).
 """
 
 from __future__ import annotations
@@ -16,47 +16,47 @@ from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.machines.wrist import angles_between
 from tapelayer.vectors import dot
 
-# Share of the permitted deviation that smoothing takes where the facets do not need more: the rest is the wrist's.
+# Share of the permitted deviation that smoothing may use unless the facets need more; the rest is for the wrist.
 _SMOOTHING_SHARE = 0.5
-# What smoothing leaves to the wrist in any case where one direction can serve all facets near by, radians.
+# Deviation in radians that smoothing always leaves to the wrist if one direction can serve all facets nearby.
 _LEFT = math.radians(1.5)
-# Share of the full window that stays at the ends of a section, where it has only one side.
+# Smallest share of the full window, at the ends of a section, where the window has only one side.
 _END_SHARE = 0.25
-# Times that directions are brought near to their facets' normals; the surroundings go along but for the last.
+# Rounds in which directions are turned towards their facets' normals; all but the last also turn the vicinity.
 _ROUNDS = 5
 
 
 @dataclass(frozen=True, eq=False)
 class Smoothed(Frozen):
-    """The gun's direction along a section.
+    """The gun's direction along a section, and how far it is off the facets.
 
     Attributes:
-        normals: (n, 3) unit, at the vertices.
-        deviations: (n,) angle to the farther of the two facet normals beside each vertex, radians.
+        normals: (n, 3) unit directions at the vertices.
+        deviations: (n,) larger angle to the two facet normals beside each vertex, radians.
     """
 
     normals: Floats
     deviations: Floats
 
 
-def creases(stations: Floats, normals: Floats, reach: float, limit: float) -> Floats:
-    """Intervals (k, 2) of arc length, in order, across which no single direction is near enough to all normals.
+def creases(stations: Floats, normals: Floats, vicinity: float, limit: float) -> Floats:
+    """Return sorted intervals (k, 2) of arc length across which no single direction is close enough to all normals.
 
-    Each is the shortest of its place: from the end of one facet to the beginning of another, no more than `reach` on.
+    Each is the shortest one possible: from the end of one facet to the start of another, at most `vicinity` long.
 
     Args:
         stations: (n,) arc lengths of the vertices, metres, not decreasing.
-        normals: (n - 1, 3) unit normals of the stretches, NaN where there is none.
-        reach: metres along the section within which facets are looked at together.
-        limit: greatest angle between the direction and a normal, radians.
+        normals: (n - 1, 3) unit normals of the segments, NaN where there is none.
+        vicinity: distance in metres along the section within which facets must share a direction.
+        limit: largest angle between the direction and a normal, radians.
     """
     real = np.flatnonzero(np.isfinite(normals[:, 0]))
     begins, ends, normals = stations[real], stations[real + 1], normals[real]
-    widest, nearest = _pairs(begins, ends, normals, reach, 2 * limit)
-    # Three normals or more may lack a direction that every two of them have, but only where two are this far apart.
+    widest, nearest = _pairs(begins, ends, normals, vicinity, 2 * limit)
+    # Three or more normals may have no common direction though every two have one, but only if two are this far apart.
     doubtful = (nearest < 0) & (widest > 2 * math.asin(math.sin(limit) * math.sqrt(3) / 2) - 1e-12)
     for last in np.flatnonzero(doubtful):
-        first = int(np.searchsorted(ends, begins[last] - reach))
+        first = int(np.searchsorted(ends, begins[last] - vicinity))
         while first < last and enclosing(normals[first : last + 1])[1] > limit:
             nearest[last] = first
             first += 1
@@ -66,10 +66,10 @@ def creases(stations: Floats, normals: Floats, reach: float, limit: float) -> Fl
 
 
 def enclosing(normals: Floats) -> tuple[Floats, float]:
-    """The direction (3,) whose greatest angle to unit normals (m, 3) of one half space is least, and that angle.
+    """Return the direction (3,) with the least largest angle to unit normals (m, 3) of one half space, and that angle.
 
-    It is that of the shortest d with n d >= 1 for every n: least distance programming (Lawson and Hanson, Solving
-    Least Squares Problems, 23.4).
+    The direction is that of the shortest vector d with n d >= 1 for every n: least distance programming (Lawson and
+    Hanson, Solving Least Squares Problems, 23.4).
     """
     system = np.vstack([normals.T, np.ones(len(normals))])
     target = np.array([0.0, 0.0, 0.0, 1.0])
@@ -78,36 +78,36 @@ def enclosing(normals: Floats) -> tuple[Floats, float]:
     return direction, float(np.max(angles_between(direction, normals)))
 
 
-def smooth(stations: Floats, normals: Floats, exempt: Mask, window: float, reach: float, limit: float) -> Smoothed:
-    """The gun's direction: the mean normal of a window round each vertex, as near to the facets as they let it be.
+def smooth(stations: Floats, normals: Floats, exempt: Mask, window: float, vicinity: float, limit: float) -> Smoothed:
+    """Return the gun's direction: the mean normal of a window round each vertex, turned to stay close to the facets.
 
-    Within half the limit of the normals beside each vertex, or, where facets within `reach` are farther apart, within
-    what one direction for all of them needs. Where the mean is farther off it is brought as near, and its surroundings
-    go along, so that the gun turns ahead of such a place and not at it.
+    It stays within half the limit of the normals beside each vertex or, where facets within `vicinity` differ more,
+    within the angle that one direction for all of them needs. Where the mean is farther off, it is turned to that
+    angle and its vicinity with it, so that the gun turns before such a place and not at it.
 
     Args:
         stations: (n,) arc lengths of the vertices, metres, not decreasing.
-        normals: (n - 1, 3) unit normals of the stretches, NaN where there is none.
-        exempt: (n,) vertices near a crease, where no deviation counts.
+        normals: (n - 1, 3) unit normals of the segments, NaN where there is none.
+        exempt: (n,) vertices near a crease, where deviations are not judged.
         window: full width, metres.
-        reach: metres within which facets are looked at together, as in `creases`.
-        limit: greatest angle between the gun and a facet's normal, radians.
+        vicinity: distance in metres within which facets must share a direction, as in `creases`.
+        limit: largest angle between the gun and a facet's normal, radians.
     """
     edge = np.minimum(stations - stations[0], stations[-1] - stations)
     full = np.minimum(window, np.maximum(2 * edge, _END_SHARE * window))
     means = _means(stations, normals, full)
-    # At a section's end, or beside a gap, one facet stands for both.
+    # At a section's end, or beside a gap, the one facet counts as both.
     ahead, behind = np.vstack([normals, normals[-1:]]), np.vstack([normals[:1], normals])
     ahead, behind = (np.where(np.isnan(one), other, one) for one, other in ((ahead, behind), (behind, ahead)))
-    radii = np.where(exempt, np.inf, _radii(stations, normals, reach, limit))
+    radii = np.where(exempt, np.inf, _radii(stations, normals, vicinity, limit))
     for last in range(_ROUNDS):
         off = np.maximum(angles_between(means, ahead), angles_between(means, behind))
         far = np.flatnonzero(off > radii)
         if not len(far):
             break
         turns = brought_near(means[far], behind[far], ahead[far], radii[far]) - means[far]
-        # The turn is given to the surroundings as well, less and less up to the reach.
-        shares = np.maximum(1.0 - np.abs(stations[:, None] - stations[far]) / reach, 0.0)
+        # The vicinity turns too, less and less towards its ends.
+        shares = np.maximum(1.0 - np.abs(stations[:, None] - stations[far]) / vicinity, 0.0)
         most = np.argmax(shares * np.linalg.norm(turns, axis=1), axis=1)
         if last < _ROUNDS - 1:
             means = _unit(means + shares[np.arange(len(stations)), most][:, None] * turns[most])
@@ -117,25 +117,25 @@ def smooth(stations: Floats, normals: Floats, exempt: Mask, window: float, reach
 
 
 def brought_near(directions: Floats, first: Floats, second: Floats, limits: Floats) -> Floats:
-    """The direction (n, 3) nearest to each one that is within the limit of both of its normals, all unit (n, 3).
+    """Return the nearest direction (n, 3) to each one that is within the limit of both its normals, all unit (n, 3).
 
-    Between normals that are more than twice the limit apart, the one in the middle.
+    For normals more than twice the limit apart, that is the direction in the middle.
 
     Args:
-        directions: each beyond the limit of one of its normals or of both.
+        directions: each beyond the limit of one or both of its normals.
         first: one normal of each.
-        second: the other one.
-        limits: (n,) greatest angles in radians.
+        second: the other normal.
+        limits: (n,) largest angles in radians.
     """
     cosine = np.clip(dot(first, second), -1.0, 1.0)[:, None]
     middle = (first + second) / np.linalg.norm(first + second, axis=1)[:, None]
-    # Where the circles round both normals meet: height above and distance along their common great circle.
+    # The circles round both normals meet at a height along their sum and a distance along their cross product.
     height = np.cos(limits)[:, None] / (1.0 + cosine)
     cross = np.cross(first, second)
     square = np.sum(cross**2, axis=1)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         along = cross * np.sqrt((1.0 - 2.0 * height**2 * (1.0 + cosine)) / square)
-    found = np.stack(
+    candidates = np.stack(
         [
             _turned_to(directions, first, limits),
             _turned_to(directions, second, limits),
@@ -143,54 +143,57 @@ def brought_near(directions: Floats, first: Floats, second: Floats, limits: Floa
             height * (first + second) - along,
         ]
     )
-    angles = np.maximum(angles_between(found, first), angles_between(found, second))
-    ways = np.where(angles <= limits + 1e-9, angles_between(found, directions), np.inf)
-    nearest = found[np.argmin(ways, axis=0), np.arange(len(directions))]
-    chosen: Floats = np.where(np.all(np.isinf(ways), axis=0)[:, None], middle, nearest)
+    angles = np.maximum(angles_between(candidates, first), angles_between(candidates, second))
+    distances = np.where(angles <= limits + 1e-9, angles_between(candidates, directions), np.inf)
+    nearest = candidates[np.argmin(distances, axis=0), np.arange(len(directions))]
+    chosen: Floats = np.where(np.all(np.isinf(distances), axis=0)[:, None], middle, nearest)
     return chosen
 
 
-def _pairs(begins: Floats, ends: Floats, normals: Floats, reach: float, apart: float) -> tuple[Floats, Ints]:
-    """Widest angle (m,) of each facet's normal to one within reach, and the nearest facet (m,) before it that is apart.
+def _pairs(begins: Floats, ends: Floats, normals: Floats, vicinity: float, apart: float) -> tuple[Floats, Ints]:
+    """Return each facet's widest angle (m,) to a normal nearby, and the nearest earlier facet (m,) that is apart.
 
     Args:
         begins: (m,) arc lengths in metres.
         ends: (m,) arc lengths in metres.
         normals: (m, 3) unit normals.
-        reach: metres from the end of a facet to the beginning of another.
-        apart: angle in radians beyond which two normals are apart; -1 stands for no such facet.
+        vicinity: largest distance in metres from the end of one facet to the start of another.
+        apart: angle in radians beyond which two normals are apart.
+
+    Returns:
+        Angles in radians, and indices of facets, -1 where there is none.
     """
     widest, nearest = np.zeros(len(begins)), np.full(len(begins), -1)
     for step in range(1, len(begins)):
-        near = begins[step:] - ends[:-step] <= reach
+        near = begins[step:] - ends[:-step] <= vicinity
         if not np.any(near):
             break
         angles = np.where(near, angles_between(normals[step:], normals[:-step]), 0.0)
         widest[step:] = np.maximum(widest[step:], angles)
         widest[:-step] = np.maximum(widest[:-step], angles)
-        found = np.flatnonzero((angles > apart) & (nearest[step:] < 0))
-        nearest[step + found] = found
+        new = np.flatnonzero((angles > apart) & (nearest[step:] < 0))
+        nearest[step + new] = new
     return widest, nearest
 
 
-def _radii(stations: Floats, normals: Floats, reach: float, limit: float) -> Floats:
-    """Angle (n,) within which the direction at each vertex stays of the normals beside it, radians."""
+def _radii(stations: Floats, normals: Floats, vicinity: float, limit: float) -> Floats:
+    """Return the largest angle (n,) of the direction at each vertex off the normals beside it, radians."""
     real = np.flatnonzero(np.isfinite(normals[:, 0]))
     halves = np.zeros(len(normals))
-    halves[real] = _pairs(stations[real], stations[real + 1], normals[real], reach, math.inf)[0] / 2
+    halves[real] = _pairs(stations[real], stations[real + 1], normals[real], vicinity, math.inf)[0] / 2
     needed = np.maximum(np.append(halves, 0.0), np.append(0.0, halves))
     radii: Floats = np.clip(needed, _SMOOTHING_SHARE * limit, max(limit - _LEFT, _SMOOTHING_SHARE * limit))
     return radii
 
 
 def _means(stations: Floats, normals: Floats, widths: Floats) -> Floats:
-    """Unit mean (n, 3) of the normals in windows of (n,) metres round the vertices; of none, of the two beside."""
+    """Return the unit mean (n, 3) of the normals in windows of (n,) metres round the vertices, or of the two beside."""
     real = np.nan_to_num(normals)
     total = np.vstack([np.zeros(3), np.cumsum(real * np.diff(stations)[:, None], axis=0)])
     low, high = stations - widths / 2, stations + widths / 2
     means = np.stack([np.interp(high, stations, column) - np.interp(low, stations, column) for column in total.T], 1)
     beside = np.vstack([real, np.zeros(3)]) + np.vstack([np.zeros(3), real])
-    # A window this narrow differs by rounding alone.
+    # The sum over so narrow a window is nothing but rounding.
     narrow = np.linalg.norm(means, axis=1) < 1e-9
     return _unit(np.where(narrow[:, None], beside, means))
 
@@ -201,7 +204,7 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _turned_to(directions: Floats, normals: Floats, limits: Floats) -> Floats:
-    """Each direction (n, 3) turned towards its normal (n, 3) until it is within its limit (n,), radians."""
+    """Return each direction (n, 3) turned towards its normal (n, 3) until it is within its limit (n,), radians."""
     cosine = dot(directions, normals)[:, None]
     across = directions - cosine * normals
     length = np.linalg.norm(across, axis=1)[:, None]

@@ -1,7 +1,7 @@
-"""Flanks: what is so steep across the passes that planes a pitch apart are too far apart on the surface.
+"""Steep sides: extra planes where the surface is so steep across the passes that one pitch is too wide on it.
 
-A strip between two planes is 1 / |n x d| pitches wide on a facet with the normal n, d being the planes' normal. Where
-that is more than a pitch and a half, further planes halve the distance, and halve it again.
+A strip between two planes is 1 / |n x d| pitches wide on a facet with the normal n, where d is the planes' normal.
+Where that is more than a pitch and a half, extra planes halve the distance, repeatedly if necessary.
 """
 
 from __future__ import annotations
@@ -11,41 +11,44 @@ import numpy as np
 from tapelayer.arrays import Floats
 from tapelayer.spraying.reach import Segments
 
-# Width of a strip in pitches beyond which a plane is put in its middle.
+# A strip wider than this many pitches gets a plane in its middle.
 WIDEST = 1.5
-# Times that the distance of planes is halved at most.
+# How often the distance between planes is halved at most.
 HALVINGS = 4
 
 
 def flank_heights(heights: Floats, pitch: float, extent: tuple[float, float]) -> tuple[Floats, Floats]:
-    """Heights (q,) of further planes between planes a pitch apart, and width (q,) of a strip that calls for each.
+    """Return heights (q,) of extra planes between planes a pitch apart, and the strip width (q,) that calls for each.
 
     Args:
-        heights: (p,) of the planes, metres.
+        heights: (p,) heights of the planes, metres.
         pitch: metres.
-        extent: least and greatest height of the surface, metres.
+        extent: smallest and largest height of the surface, metres.
+
+    Returns:
+        Metres and pitches, sorted by height.
     """
-    found, widths = [], []
+    extra, widths = [], []
     firsts = np.append(heights[0] - pitch, heights)
     for halving in range(HALVINGS):
         parts = 2 << halving
         places = (firsts[:, None] + pitch * np.arange(1, parts, 2) / parts).ravel()
         places = places[(places > extent[0]) & (places < extent[1])]
-        found.append(places)
+        extra.append(places)
         widths.append(np.full(len(places), WIDEST * (1 << halving)))
-    order = np.argsort(np.concatenate(found), kind="stable")
-    return np.concatenate(found)[order], np.concatenate(widths)[order]
+    order = np.argsort(np.concatenate(extra), kind="stable")
+    return np.concatenate(extra)[order], np.concatenate(widths)[order]
 
 
 def on_steep_sides(segments: Segments, widths: Floats, least: Floats, gap: float, short: float) -> Segments:
-    """The segments on flanks, in chains: with what lies between two of them, and without what is short.
+    """Return the segments on steep sides, in chains with short gaps between them filled and short chains dropped.
 
     Args:
-        segments: of the further planes.
+        segments: on the extra planes.
         widths: (n,) width of a strip on each segment's facet, in pitches.
-        least: (n,) width of a strip that calls for each segment's plane.
-        gap: a chain goes on over a stretch up to this length that is no flank, metres.
-        short: a chain that is shorter is left to the other planes, metres.
+        least: (n,) strip width that calls for each segment's plane, in pitches.
+        gap: longest part in metres that is not steep but that a chain continues over.
+        short: longest chain in metres that is left to the other planes.
     """
     count = len(segments.planes)
     if not count:
@@ -60,7 +63,7 @@ def on_steep_sides(segments: Segments, widths: Floats, least: Floats, gap: float
         runs = np.add.reduceat(lengths, first)
         turned = (chosen[first] == value) & (runs <= limit)
         if not value:
-            # Only between two flanks, not at the surface's edge.
+            # Only between two steep sides, not at the surface's edge.
             turned &= joined[first] & joined[last]
         chosen = np.where(np.repeat(turned, last - first), not value, chosen)
     goes_on = np.column_stack(
