@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import MOTIONS, Event, Kind, Trajectory
-from tapelayer.spraying.arc_runs import SPRAYED_SAMPLE_STEP, arc_on, arc_runs_of, sampled, ways_of
+from tapelayer.spraying.arc_runs import SPRAYED_SAMPLE_STEP, arc_on, arc_runs_of, lengths_of, sampled
 from tapelayer.verification.sampling import LEAST_SAMPLES
 from tests.helpers.panels import flat, sheet
 from tests.helpers.sprayed import sprayed
@@ -71,7 +71,7 @@ def test_a_plate_is_sprayed_in_one_run_a_pass() -> None:
     assert [run.index for run in runs] == list(range(len(plan.passes)))
     assert [run.linked for run in runs] == [False, *[True] * (len(runs) - 1)]
     for run, found in zip(runs, plan.passes, strict=True):
-        assert np.sum(ways_of(spraying.trajectory, run.blocks)) >= found.path.length - 1e-9
+        assert np.sum(lengths_of(spraying.trajectory, run.blocks)) >= found.path.length - 1e-9
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 20))
