@@ -1,12 +1,12 @@
 """The pipeline against the obvious way: points a second of each stage and of the whole job, as ratios of one run.
 
-The obvious way takes one point after the other: line.split and float, the closed form with `math`, pink as an inverse
-of its own, Pinocchio for every forward check, f-strings. It writes a block a point, where `tapelayer` writes as few as
-the tolerances allow; both look at every block at as many places. Courses are geodesics on a cylinder, 2000 points on
-1.4 m, six decimals in the file; default setup, but for the part's height.
+The obvious way handles one point after the other: line.split and float, the closed form with `math`, pink as a separate
+inverse, Pinocchio for every forward check, f-strings. It writes one block per point, where `tapelayer` writes as few as
+the tolerances allow; both check every block at the same number of places. Courses are geodesics on a cylinder with
+2000 points on 1.4 m and six decimals in the file; the setup is the default except for the part's height.
 
-CPU time counts, so that other programs on the machine do not, and of some rounds the best, for everybody. The obvious
-way's time grows with the points, so at most 100,000 of them are enough for it, and 200 for pink. The peak memory is
+Each time is the best CPU time of several rounds, so that other programs on the machine do not count. The time of the
+obvious way is proportional to the points, so 100,000 of them are enough for it, and 200 for pink. The peak memory is
 that of `tapelayer export` on the largest file. Needs the extra `bench`.
 """
 
@@ -45,7 +45,7 @@ from tapelayer.verification.sampling import LEAST_SAMPLES
 from tapelayer.verification.verified import Verified
 
 ROUNDS = 5
-# Seconds of a run's turn.
+# Shortest turn of a run, in seconds.
 LEAST_TURN = 0.05
 SIZES = (10_000, 100_000, 1_000_000)
 LOOP_POINTS, PINK_POINTS = 100_000, 200
@@ -54,13 +54,13 @@ PINK_ACCURACY = 1e-6
 COURSE_POINTS, COURSE_LENGTH = 2000, 1.4
 RADIUS, HEADING, SIDE_BY_SIDE = 1.8, 0.26, 8
 SETUP = "[part]\nl3_mm = 1300\n"
-# So fine that there is about one block a point.
+# So tight that there is about one block per point.
 FINE = "[process]\ntolerance_mm = 0.00004\n"
 
 ASKED = {"reading": 2.5, "inverse": 1000.0, "forward check": 12.0, "NC text": 10.0, "whole job": 8.0}
 MEMORY_LIMIT_GB = 2.0
 
-# Letter, column in the machine's axes, and what makes mm and degrees of its values.
+# Letter, column in the machine's axes, and factor to mm or degrees.
 WORDS = (
     ("X", 0, 1e3),
     ("Y", 1, 1e3),
@@ -81,15 +81,15 @@ Block = tuple[str, float, tuple[float, ...]]
 
 @dataclass(frozen=True)
 class Row:
-    """One stage, both ways.
+    """Speeds of `tapelayer` and of the obvious way in one stage.
 
     Attributes:
-        points: of the course file.
-        stage: what was done.
-        obvious: the obvious way to do it.
-        per_s: points (of NC text: blocks) a second, CPU time.
-        obvious_per_s: the same of the obvious way.
-        asked: the ratio of the two that is asked for, 0 for none.
+        points: number of points in the course file.
+        stage: name of the stage.
+        obvious: what the obvious way uses.
+        per_s: points (NC text: blocks) per second of CPU time.
+        obvious_per_s: the same for the obvious way.
+        asked: required ratio of the two, 0 for none.
     """
 
     points: int
@@ -106,7 +106,7 @@ class Row:
 
 
 def write_courses(path: Path, points: int) -> None:
-    """Write a course file of at least this many points: courses side by side on a cylinder, ply upon ply."""
+    """Write a course file of at least this many points: plies of courses side by side on a cylinder."""
     arc_lengths = np.linspace(0.0, COURSE_LENGTH, COURSE_POINTS)
     angle = -0.4 + arc_lengths * math.cos(HEADING) / RADIUS
     normals = np.stack([0 * angle, np.sin(angle), np.cos(angle)], axis=1)
@@ -123,14 +123,14 @@ def write_courses(path: Path, points: int) -> None:
 
 
 def whole_job(path: Path, setup: Setup) -> tuple[Job, Verified]:
-    """A job done as by `tapelayer export`, and the verified trajectory of its text."""
+    """Do a job as `tapelayer export` does, and return it with the verified trajectory of its text."""
     job = Job.read(path, setup)
     text = job.text(job.plan())
     return job, job.verify(job.read_back(text, "program").trajectory)
 
 
 def read_by_line(path: Path) -> list[Rows]:
-    """The seven numbers of every point of every course, as they stand in the file."""
+    """Return the seven numbers of every point of every course, in the file's units."""
     courses: list[Rows] = []
     with path.open() as file:
         for line in file:
@@ -143,14 +143,14 @@ def read_by_line(path: Path) -> list[Rows]:
 
 
 def solve_by_pink(machine: Machine, points: Floats, normals: Floats, tangents: Floats) -> Floats:
-    """Joint values (n, 5) in the order of `gantry.POSE`, each solved from the one before; arguments as `inverse`."""
+    """Return joint values (n, 5) in the order of `gantry.POSE`, each solved from the last; arguments as `inverse`."""
     import pink  # type: ignore[import-untyped] # of the extra, for this comparison alone
 
     others = [machine.model.getJointId(name) for name in machine.names if name not in gantry.POSE]
     model = pinocchio.buildReducedModel(machine.model, others, pinocchio.neutral(machine.model))
     places = [model.idx_qs[model.getJointId(name)] for name in gantry.POSE]
     configuration = pink.Configuration(model, model.createData(), pinocchio.neutral(model))
-    # A turn about the roller's own axis, the frame's y, changes nothing.
+    # Rotation about the roller's axis, the frame's y, is free.
     task = pink.FrameTask("roller", position_cost=1.0, orientation_cost=[1.0, 0.0, 1.0])
     free = np.array([1.0, 1.0, 1.0, 1.0, 0.0, 1.0])
     radius = gantry.lengths(machine).radius
@@ -168,7 +168,7 @@ def solve_by_pink(machine: Machine, points: Floats, normals: Floats, tangents: F
 
 
 def forward_by_loop(machine: Machine, configurations: Floats) -> Floats:
-    """Poses (n, 4, 4) of the roller at Pinocchio's configurations (n, nq)."""
+    """Return poses (n, 4, 4) of the roller at Pinocchio's configurations (n, nq)."""
     model, data = machine.model, machine.model.createData()
     live = data.oMf[model.getFrameId("roller")]
     poses = np.empty((len(configurations), 4, 4))
@@ -179,7 +179,7 @@ def forward_by_loop(machine: Machine, configurations: Floats) -> Floats:
 
 
 def plan_by_point(courses: Sequence[Rows], setup: Setup, machine: Machine) -> list[list[Block]]:
-    """Blocks of every course, one a point, each checked by Pinocchio; the knives rest."""
+    """Return the blocks of every course, one per point, each checked by Pinocchio; the knives stay at rest."""
     model, data = machine.model, machine.model.createData()
     live = data.oMf[model.getFrameId("roller")]
     axes = [machine.axis(name) for name in (*gantry.POSE, "u")]
@@ -224,8 +224,10 @@ def plan_by_point(courses: Sequence[Rows], setup: Setup, machine: Machine) -> li
                 raise ValueError(f"the roller is {math.dist(live.translation, centre)} m off")
             spent = 0.0
             if last:
-                ways = [abs(value - before) for value, before in zip(joints, last, strict=True)]
-                spent = max((arc * MM - at) / speed, *(way / axis.speed for way, axis in zip(ways, axes, strict=True)))
+                steps = [abs(value - before) for value, before in zip(joints, last, strict=True)]
+                spent = max(
+                    (arc * MM - at) / speed, *(step / axis.speed for step, axis in zip(steps, axes, strict=True))
+                )
             blocks.append(("G01" if last else "G00", spent, (*joints, 0.0, 0.0, 0.0, 0.0)))
             last, at = joints, arc * MM
         planned.append(blocks)
@@ -234,7 +236,7 @@ def plan_by_point(courses: Sequence[Rows], setup: Setup, machine: Machine) -> li
 
 
 def write_by_block(courses: Sequence[Sequence[Block]]) -> str:
-    """NC text: of every block the words that change, and a feed made from the rounded end points."""
+    """Return NC text: the words that change in each block, and a feed computed from the rounded end points."""
     lines: list[str] = []
     number, last, last_code, last_feed = 0, [math.nan] * len(WORDS), "", ""
     for blocks in courses:
@@ -247,10 +249,10 @@ def write_by_block(courses: Sequence[Sequence[Block]]) -> str:
             ]
             feed = ""
             if code == "G01":
-                way = math.dist(values[:3], last[:3])
-                if not way:
-                    way = max(abs(value - old) for value, old in zip(values, last, strict=True))
-                speed = way * 60.0 / spent
+                distance = math.dist(values[:3], last[:3])
+                if not distance:
+                    distance = max(abs(value - old) for value, old in zip(values, last, strict=True))
+                speed = distance * 60.0 / spent
                 feed = f" F{speed:.{max(5 - math.floor(math.log10(speed)), 0)}f}"
             number += 10
             lines.append(
@@ -266,7 +268,7 @@ def write_by_block(courses: Sequence[Sequence[Block]]) -> str:
 
 
 def read_back_by_line(text: str) -> list[Rows]:
-    """Joint values x, y, z, c, a, u in metres and radians at the block ends of every course of an NC text."""
+    """Return joint values x, y, z, c, a, u in metres and radians at the block ends of every course of an NC text."""
     courses: list[Rows] = []
     values: dict[str, float] = {}
     for line in text.split("\n"):
@@ -282,7 +284,7 @@ def read_back_by_line(text: str) -> list[Rows]:
 
 
 def check_by_point(read: Sequence[Rows], courses: Sequence[Rows], setup: Setup, machine: Machine, places: int) -> float:
-    """Largest distance of the roller from its place, metres, by Pinocchio at so many places of every block."""
+    """Return the roller's largest distance from the course in metres, by Pinocchio at so many places of every block."""
     model, data = machine.model, machine.model.createData()
     live = data.oMf[model.getFrameId("roller")]
     columns = [model.idx_qs[model.getJointId(name)] for name in (*gantry.POSE, "u")]
@@ -310,14 +312,14 @@ def check_by_point(read: Sequence[Rows], courses: Sequence[Rows], setup: Setup, 
 
 
 def job_by_point(path: Path, setup: Setup, machine: Machine, places: int) -> float:
-    """The whole job the obvious way; the largest distance of the roller from its place, metres."""
+    """Do the whole job the obvious way, and return the roller's largest distance from the course in metres."""
     courses = read_by_line(path)
     text = write_by_block(plan_by_point(courses, setup, machine))
     return check_by_point(read_back_by_line(text), courses, setup, machine, places)
 
 
 def blocks_of(trajectory: Trajectory, limit: int) -> list[Block]:
-    """The straight blocks of a trajectory, at most so many, behind one that only says where they begin."""
+    """Return the straight blocks of a trajectory, at most `limit`, after a block that states where they begin."""
     rows = np.flatnonzero(trajectory.kinds == Kind.LINEAR)[:limit]
     times, joints = trajectory.durations[rows].tolist(), trajectory.positions[rows].tolist()
     begin = ("G00", 0.0, tuple(trajectory.begins(rows[:1])[0].tolist()))
@@ -325,14 +327,14 @@ def blocks_of(trajectory: Trajectory, limit: int) -> list[Block]:
 
 
 def surface(courses: Sequence[Course], setup: Setup) -> tuple[Floats, Floats, Floats]:
-    """Points, normals and tangents (n, 3) of all courses in `machine` axes."""
+    """Return points, normals and tangents (n, 3) of all courses in `machine` axes."""
     paths = courses_in_machine(courses, setup)
     tangents = np.concatenate([np.gradient(path.points, path.arc_lengths, axis=0) for path in paths])
     return np.concatenate([path.points for path in paths]), np.concatenate([path.normals for path in paths]), tangents
 
 
 def seconds(rounds: int, *runs: Callable[[], object]) -> list[float]:
-    """Best CPU time of each of the runs, which take turns; a short one runs several times in its turn."""
+    """Return the best CPU time of each run; the runs take turns, and a short one is repeated within its turn."""
     best = [math.inf] * len(runs)
     for _ in range(rounds):
         for number, run in enumerate(runs):
@@ -346,7 +348,7 @@ def seconds(rounds: int, *runs: Callable[[], object]) -> list[float]:
 
 
 def compared(points: int, folder: Path, rounds: int) -> Iterator[Row]:
-    """Rows of a course file of so many points."""
+    """Yield the rows of the comparison for a course file of so many points."""
     path, part = folder / f"{points}.txt", folder / f"{min(points, LOOP_POINTS)}.txt"
     write_courses(path, points)
     write_courses(part, min(points, LOOP_POINTS))
@@ -381,13 +383,13 @@ def compared(points: int, folder: Path, rounds: int) -> Iterator[Row]:
     by_point = partial(job_by_point, part, setup, machine, LEAST_SAMPLES)
     times = seconds(rounds, partial(whole_job, path, setup), by_point)
     yield row("whole job", "point by point", (count, loop_count), times)
-    # One round of the dearest is enough for what nothing is asked of.
+    # This stage is the slowest and has no required ratio, so one round is enough.
     times = seconds(1, partial(whole_job, path, fine)) + times[1:]
     yield row("whole job, a block a point", "point by point", (count, loop_count), times)
 
 
 def peak_memory_gb(points: int, folder: Path) -> float:
-    """Largest memory of `tapelayer export` on so many points, or of this process so far, which starts it."""
+    """Return the peak memory of `tapelayer export` on so many points, or of this process if that is larger."""
     path, setup = folder / f"{points}.txt", folder / "setup.toml"
     write_courses(path, points)
     setup.write_text(SETUP)
@@ -402,19 +404,19 @@ def peak_memory_gb(points: int, folder: Path) -> float:
 
 
 def table(rows: Sequence[Row]) -> Table:
-    """Rows as a table for a terminal."""
+    """Return the rows as a table for a terminal."""
     made = Table(title="points (NC text: blocks) a second of CPU time")
     for heading in ("points", "stage", "tapelayer", "the obvious way", "by", "ratio", "asked"):
         made.add_column(heading, justify="left" if heading in ("stage", "by") else "right", no_wrap=True)
     for row in rows:
-        asked = f"{row.asked:g}" if row.asked else ""
+        required = f"{row.asked:g}" if row.asked else ""
         speeds = (f"{row.per_s:,.0f}", f"{row.obvious_per_s:,.0f}")
-        made.add_row(f"{row.points:,}", row.stage, *speeds, row.obvious, f"{row.ratio:,.1f}", asked)
+        made.add_row(f"{row.points:,}", row.stage, *speeds, row.obvious, f"{row.ratio:,.1f}", required)
     return made
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the comparison; 1 if the largest file does not reach what is asked for."""
+    """Print the comparison; return 1 if the largest file misses a required ratio or the memory limit."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--points", type=int, nargs="+", default=SIZES, help="points of the course files")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="rounds of which the best counts")

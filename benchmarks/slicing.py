@@ -1,8 +1,8 @@
-"""Slicing against other slicers: chained curves of 500 planes, same mesh, same planes, same run.
+"""Slicing against other slicers: chained curves of 500 planes through the same mesh, in the same run.
 
-Every slicer begins with the arrays of vertices and facets, prepares what it needs of them and ends with the points of
-its chained curves in NumPy arrays: trimesh by section_multiplane, VTK by its cutter and stripper, meshlib by
-extractPlaneSections. The best of the rounds counts, for everybody. Needs the extra `bench`.
+Every slicer starts from the arrays of vertices and facets, builds its own structures, and ends with the points of its
+chained curves in NumPy arrays: trimesh by section_multiplane, VTK by its cutter and stripper, meshlib by
+extractPlaneSections. The best round of each counts. Needs the extra `bench`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ MEMORY_LIMIT_GB = 3.0
 
 
 def bumpy_sphere(sectors: int, rings: int) -> tuple[Floats, Ints]:
-    """Vertices (n, 3) in metres and 2 sectors (rings - 1) facets (m, 3) of a closed, bumpy ball of radius 1."""
+    """Return vertices (n, 3) in metres and 2 sectors (rings - 1) facets (m, 3) of a closed, bumpy ball of radius 1."""
     latitudes = np.pi * np.arange(1, rings)[:, None] / rings
     longitudes = 2 * np.pi * np.arange(sectors) / sectors
     radii = 1 + 0.05 * np.sin(7 * latitudes) * np.cos(5 * longitudes)
@@ -53,21 +53,21 @@ def bumpy_sphere(sectors: int, rings: int) -> tuple[Floats, Ints]:
 
 
 def ours(vertices: Floats, facets: Ints, heights: Floats) -> list[Floats]:
-    """Curves of this project; the facet of every segment is known beside them."""
+    """Return the curves of this project, which also gives the facet of every segment."""
     mesh = Mesh(vertices, facets, name="", sha256="", unit="m", mending=Mending(len(facets)))
     sections = slicing.slice(mesh, DIRECTION, heights)
     return np.split(sections.points, sections.offsets[1:-1])
 
 
 def by_trimesh(vertices: Floats, facets: Ints, heights: Floats) -> list[Floats]:
-    """Curves of trimesh, in the coordinates of each plane."""
+    """Return the curves of trimesh, in the coordinates of each plane."""
     mesh = trimesh.Trimesh(vertices, facets, process=False)
     paths = mesh.section_multiplane(np.zeros(3), DIRECTION, heights)
     return [path.vertices[entity.points] for path in paths if path is not None for entity in path.entities]
 
 
 def by_vtk(vertices: Floats, facets: Ints, heights: Floats) -> list[Floats]:
-    """Curves of VTK's cutter, joined by its stripper."""
+    """Return the curves of VTK's cutter, joined by its stripper."""
     points = vtk.vtkPoints()
     points.SetData(numpy_to_vtk(vertices))
     cells = vtk.vtkCellArray()
@@ -94,7 +94,7 @@ def by_vtk(vertices: Floats, facets: Ints, heights: Floats) -> list[Floats]:
 
 
 def by_meshlib(vertices: Floats, facets: Ints, heights: Floats) -> list[Floats]:
-    """Curves of meshlib, plane by plane (single precision)."""
+    """Return the curves of meshlib, plane by plane (single precision)."""
     mesh = mrmeshnumpy.meshFromFacesVerts(facets.astype(np.int32), vertices)
     part, normal = mrmeshpy.MeshPart(mesh), mrmeshpy.Vector3f(*DIRECTION)
     curves = []
@@ -113,24 +113,24 @@ SLICERS: dict[str, Callable[[Floats, Ints, Floats], list[Floats]]] = {
 
 
 def planes_through(vertices: Floats) -> Floats:
-    """Heights (p,) in metres of planes all through a body, none through a vertex."""
+    """Return the heights (p,) in metres of planes spread over a body, none through a vertex."""
     altitudes = np.sort(vertices @ DIRECTION)
     return np.linspace(altitudes[0], altitudes[-1], PLANES + 2)[1:-1] + 1e-7
 
 
 def length(curves: list[Floats]) -> float:
-    """Total length in metres."""
+    """Return the total length in metres."""
     return sum(float(np.sum(np.linalg.norm(np.diff(curve, axis=0), axis=1))) for curve in curves)
 
 
 def peak_memory_gb() -> float:
-    """Largest memory of this process so far, everything in it."""
+    """Return the peak memory of this process so far."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 1e9 if sys.platform == "darwin" else peak / 1e6
 
 
 def compared(vertices: Floats, facets: Ints) -> tuple[Table, bool]:
-    """Table of all slicers on one mesh, and whether every ratio is reached on curves of the same total length."""
+    """Return a table of all slicers on one mesh, and whether every ratio is reached with the same total length."""
     heights = planes_through(vertices)
     seconds, lengths, counts = dict.fromkeys(SLICERS, np.inf), dict.fromkeys(SLICERS, 0.0), dict.fromkeys(SLICERS, 0)
     for _ in range(ROUNDS):
@@ -156,7 +156,7 @@ def compared(vertices: Floats, facets: Ints) -> tuple[Table, bool]:
 
 
 def main() -> int:
-    """Print the tables; 1 if a ratio or the memory is not reached."""
+    """Print the tables; return 1 if a ratio or the memory limit is missed."""
     console = Console()
     meshes = [bumpy_sphere(sectors=250, rings=401), bumpy_sphere(sectors=1000, rings=1001)]
     vertices, facets = meshes[-1]

@@ -1,4 +1,4 @@
-"""Render docs/machine.png: the tape layer at work on the cylinder panel, and its head from close by.
+"""Render docs/machine.png: the tape layer at work on the cylinder panel, with a close-up of its head.
 
 Rays are traced on the CPU, so no display is needed: `pip install -e '.[docs]'`, then `python docs/render_machine.py`.
 """
@@ -37,7 +37,7 @@ BLADE_ANGLE = np.radians(25.0)
 
 @dataclass(frozen=True)
 class Camera:
-    """Where the picture is taken from: eye and target (3,) in metres, opening angle of the width in degrees."""
+    """Camera of a picture: eye and target (3,) in metres, horizontal field of view in degrees, size in pixels."""
 
     eye: tuple[float, float, float]
     target: tuple[float, float, float]
@@ -47,7 +47,7 @@ class Camera:
 
 
 def main() -> None:
-    """Pose, trace, put the close-up in its corner, write."""
+    """Pose the machine, trace both pictures, inset the close-up, and save."""
     machine = Machine.load()
     courses = [to_machine(course, (0.0, 0.0, 0.0), PART_ORIGIN, 0.0) for course in read_courses(COURSES)]
     q = laying_pose(machine, courses[AT_COURSE])
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def framed(whole: Image.Image, head: Image.Image) -> Image.Image:
-    """The whole machine with the head in a round inset."""
+    """Return the picture of the whole machine with the head in a round inset."""
     at = (whole.width - head.width - 20, whole.height - head.height - 20)
     fine = 4
     disc = Image.new("L", (head.width * fine, head.height * fine))
@@ -73,7 +73,7 @@ def framed(whole: Image.Image, head: Image.Image) -> Image.Image:
 
 
 def laying_pose(machine: Machine, course: Toolpath) -> Floats:
-    """Axis values (k,) while the course is being laid, the knives standing as for a cut."""
+    """Return the axis values (k,) while the course is being laid, with the knives as for a cut."""
     curve = Curve(course)
     at = curve.at(np.array([AT_SHARE * curve.length]))
     q = np.zeros(len(machine.axes))
@@ -84,7 +84,7 @@ def laying_pose(machine: Machine, course: Toolpath) -> Floats:
 
 
 def machine_meshes(machine: Machine, q: Floats) -> list[trimesh.Trimesh]:
-    """The URDF's visuals in `machine` axes, in the URDF's colours."""
+    """Return the URDF's visuals in `machine` axes, in the URDF's colours."""
     robot = yourdfpy.URDF.load(str(machine.path)).robot
     colours = {material.name: material.color.rgba[:3] for material in robot.materials}
     poses = machine.forward_all(q[None], [link.name for link in robot.links])
@@ -102,7 +102,7 @@ def machine_meshes(machine: Machine, q: Floats) -> list[trimesh.Trimesh]:
 
 
 def part_meshes(courses: Sequence[Toolpath]) -> list[trimesh.Trimesh]:
-    """The mould on its ribs, the tapes laid so far, and the centre lines of those to come."""
+    """Return the mould on its ribs, the tapes laid so far, and the centre lines of the remaining ones."""
     across, along = np.linspace(0.0, 1.0, 49), np.linspace(-0.06, 1.56, 2)
     meshes = [painted(slab(across, along, -0.025, 0.0), MOULD)]
     for y in np.linspace(0.0, 1.5, 4):
@@ -120,7 +120,7 @@ def part_meshes(courses: Sequence[Toolpath]) -> list[trimesh.Trimesh]:
 
 
 def slab(across: Floats, along: Floats, bottom: float | None, top: float) -> trimesh.Trimesh:
-    """A piece of the panel: between two offsets from its surface, or down to the bed where no bottom is given."""
+    """Return a piece of the panel between two offsets from its surface, or down to the bed if no bottom is given."""
     x, y = (grid.ravel() for grid in np.meshgrid(across, along, indexing="ij"))
     lean = np.arcsin((x - PANEL_AXIS[0]) / PANEL_RADIUS)
 
@@ -141,7 +141,7 @@ def slab(across: Floats, along: Floats, bottom: float | None, top: float) -> tri
 
 
 def tape(course: Toolpath, start: float, end: float, width: float, thickness: float) -> trimesh.Trimesh:
-    """A strip along a course between two arc lengths, just above the surface."""
+    """Return a strip along a course between two arc lengths, just above the surface."""
     points, normals, tangents = Curve(course).at(np.linspace(start, end, 60))
     left = np.cross(normals, tangents)
     edges = np.stack([points + 0.5 * width * left, points - 0.5 * width * left], axis=1) + thickness * normals[:, None]
@@ -151,20 +151,20 @@ def tape(course: Toolpath, start: float, end: float, width: float, thickness: fl
 
 
 def floor() -> trimesh.Trimesh:
-    """The shop floor, large enough to meet the backdrop."""
+    """Return the shop floor, large enough to fade into the backdrop."""
     mesh = trimesh.creation.box((60.0, 60.0, 0.02))
     mesh.apply_translation((0.0, 0.0, -1.85))
     return painted(mesh, FLOOR)
 
 
 def painted(mesh: trimesh.Trimesh, colour: Sequence[float]) -> trimesh.Trimesh:
-    """The mesh with a colour (r, g, b in 0..1) of its own."""
+    """Give a mesh a colour (r, g, b in 0..1) and return it."""
     mesh.metadata["colour"] = np.asarray(colour, dtype=np.float64)
     return mesh
 
 
 class Scene:
-    """Meshes under an even sky and one sun.
+    """Meshes lit by a uniform sky and one sun.
 
     Args:
         meshes: painted meshes in `machine` axes.
@@ -179,7 +179,7 @@ class Scene:
         self.chance = np.random.default_rng(7)
 
     def picture(self, camera: Camera) -> Image.Image:
-        """What the camera sees, each pixel the mean of FINE x FINE rays."""
+        """Return what the camera sees, each pixel the mean of FINE x FINE rays."""
         eye, forward = np.array(camera.eye), np.subtract(camera.target, camera.eye)
         forward /= np.linalg.norm(forward)
         right = np.cross(forward, [0.0, 0.0, 1.0])
@@ -198,7 +198,7 @@ class Scene:
         return Image.fromarray(np.round(shown * 255).astype(np.uint8))
 
     def _seen(self, eye: Floats, directions: Floats) -> Floats:
-        """Linear colours (n, 3) along rays from the eye."""
+        """Return linear colours (n, 3) along rays from the eye."""
         directions = directions / np.linalg.norm(directions, axis=1)[:, None]
         light = np.tile(BACKDROP**2.2, (len(directions), 1))
         hit = self.rays.intersects_first(np.tile(eye, (len(directions), 1)), directions)
@@ -231,7 +231,7 @@ class Scene:
         return blocked
 
     def _scattered(self, about: Floats, spread: float) -> Floats:
-        """Directions about others: cosine-weighted over the half space for 1, a narrow cone for little."""
+        """Return random directions about others: cosine-weighted over the hemisphere for spread 1, a cone for less."""
         ball = self.chance.normal(size=about.shape)
         directions = about + spread * 0.999 * ball / np.linalg.norm(ball, axis=1)[:, None]
         unit: Floats = directions / np.linalg.norm(directions, axis=1)[:, None]

@@ -1,4 +1,4 @@
-"""Write the tables of the documents that the code knows best: the numbers of each kind's report.
+"""Write the tables of the documents that are generated from the code: the quantities in each kind's report.
 
 python docs/render_tables.py
 """
@@ -23,7 +23,7 @@ def table(name: KindName) -> str:
 
 
 def rendered(document: str) -> str:
-    """Return the text of a document with its table as it should be."""
+    """Return the text of a document with its table up to date."""
     text = (HERE / document).read_text(encoding="utf-8")
     written, count = TABLE.subn(lambda match: match[1] + table(DOCUMENTS[document]) + match[2], text)
     assert count == 1, document

@@ -1,6 +1,6 @@
-"""Render docs/workbench.png and docs/workbench_spray.png: the page in a browser, over a workbench of its own.
+"""Render docs/workbench.png and docs/workbench_spray.png: screenshots of the page, served by a temporary workbench.
 
-`pip install -e '.[docs]'` and a Chromium on the path, then `python docs/render_workbench.py`.
+`pip install -e '.[docs]'`, put Chromium on the path, then `python docs/render_workbench.py`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from render_machine import PART_ORIGIN, slab
 
 HERE = Path(__file__).parent
 COMMAND = (sys.executable, "-c", "from tapelayer.dispatch import main; main()", "serve", "--port", "0", "--no-open")
-# The 3D view is drawn on the CPU, so that no display is needed.
+# The 3D view is rendered on the CPU, so no display is needed.
 ARGUMENTS = ("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 SIZE = {"width": 1600, "height": 900}
 PATIENCE_MS = 120_000
@@ -29,7 +29,7 @@ SHARE = 0.6
 
 
 def main() -> None:
-    """Start a workbench and a browser, make both examples, take their pictures."""
+    """Start a workbench and a browser, run both examples, and save their screenshots."""
     with tempfile.TemporaryDirectory() as work, served(Path(work)) as url, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=[*ARGUMENTS])
         laying = opened(browser, url)
@@ -48,14 +48,14 @@ def main() -> None:
 
 @contextmanager
 def served(work: Path) -> Iterator[str]:
-    """A workbench on a free port; its address."""
+    """Serve a workbench on a free port and yield its address."""
     process = subprocess.Popen([*COMMAND, "--work-dir", str(work)], stdout=subprocess.PIPE, text=True)
     assert process.stdout
-    said = process.stdout.readline()
+    line = process.stdout.readline()
     try:
-        if not said.startswith("workbench: http"):
+        if not line.startswith("workbench: http"):
             raise RuntimeError("the workbench does not start; its stderr says why")
-        yield said.split()[1]
+        yield line.split()[1]
     finally:
         process.terminate()
         process.wait()
@@ -63,7 +63,7 @@ def served(work: Path) -> Iterator[str]:
 
 
 def opened(browser: Browser, url: str) -> Page:
-    """The page in light colours and English, with its machine drawn."""
+    """Open the page in light colours and English, and return it once its machine is drawn."""
     page = browser.new_context(viewport=SIZE, locale="en-GB", color_scheme="light").new_page()
     page.set_default_timeout(PATIENCE_MS)
     page.goto(url)
@@ -72,7 +72,7 @@ def opened(browser: Browser, url: str) -> Page:
 
 
 def made(page: Page, example: str) -> None:
-    """Generate an example and play it to where the picture is taken."""
+    """Generate an example and move its clock to the time of the picture."""
     expect.set_options(timeout=PATIENCE_MS)
     page.get_by_test_id("example-select").select_option(example)
     expect(page.get_by_test_id("file-name")).to_have_text(example)
@@ -84,7 +84,7 @@ def made(page: Page, example: str) -> None:
 
 
 def turned(page: Page, across: int, down: int) -> None:
-    """Turn the view by dragging it so many pixels, and step back a little."""
+    """Turn the view by dragging it so many pixels, and zoom out a little."""
     box = page.get_by_test_id("scene").bounding_box()
     assert box
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -98,7 +98,7 @@ def turned(page: Page, across: int, down: int) -> None:
 
 
 def mould() -> bytes:
-    """The cylinder panel's mould as an STL in mm, in the part's axes."""
+    """Return the cylinder panel's mould as an STL in mm, in the part's axes."""
     mesh = slab(np.linspace(0.0, 1.0, 65), np.linspace(-0.06, 1.56, 2), -0.025, 0.0)
     mesh.apply_translation(-np.array(PART_ORIGIN))
     mesh.apply_scale(1000.0)
@@ -107,7 +107,7 @@ def mould() -> bytes:
 
 
 def save(page: Page, name: str) -> None:
-    """Wait until the view is drawn with all that there is, and write it."""
+    """Wait until the view is drawn in full detail, and save a screenshot."""
     page.wait_for_timeout(4000)
     Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(HERE / name, optimize=True)
 

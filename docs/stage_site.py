@@ -1,7 +1,7 @@
-"""Stage the documentation's pages in build/docs, and its configuration beside them; `make docs` builds the site of it.
+"""Stage the documentation's pages in build/docs, with its configuration beside them; `make docs` builds the site.
 
-The documents of docs/ and of the top folder become pages, a page for each package is made of the modules that it holds
-today, and blocks of LaTeX marked `math` become MathML, which browsers draw without a script.
+The documents of docs/ and of the top folder become pages, each package gets a page that lists its modules, and blocks
+of LaTeX marked `math` become MathML, which browsers draw without a script.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ ROOT = Path(__file__).parent.parent
 BUILD = ROOT / "build"
 STAGE = BUILD / "docs"
 PACKAGES = ("tapelayer", "post")
-# Names in the site of the documents in the top folder.
+# Names that documents of the top folder have in the site.
 DOCUMENTS = {
     "README.md": "index.md",
     "CONTRIBUTING.md": "contributing.md",
@@ -29,7 +29,7 @@ DOCUMENTS = {
 
 
 def main() -> None:
-    """Stage the pages anew."""
+    """Stage all pages from scratch."""
     shutil.rmtree(STAGE, ignore_errors=True)
     shutil.copytree(ROOT / "docs", STAGE, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
     for name, page in DOCUMENTS.items():
@@ -47,7 +47,7 @@ def main() -> None:
 
 
 def with_links(text: str) -> str:
-    """Return a document with its links between docs/ and the top folder as they lead in the site."""
+    """Return a document with its links between docs/ and the top folder rewritten for the site."""
     return re.sub(r"\]\((?:docs/|\.\./)?([\w.]+)", lambda link: f"]({DOCUMENTS.get(link[1], link[1])}", text)
 
 
@@ -57,20 +57,20 @@ def with_formulas(text: str) -> str:
 
 
 def formula(latex: str) -> str:
-    """Return the MathML of LaTeX, with the thin spaces round sin, cos and their like that TeX would set."""
+    """Return the MathML of LaTeX, with the thin spaces that TeX sets around operators such as sin and cos."""
     thin = '<mspace width="0.17em" />'
     return re.sub(r"<mi>\w{3,}</mi>", rf"{thin}\g<0>{thin}", convert(latex, display="block"))
 
 
 def packages() -> Iterator[str]:
-    """Yield the dotted names of all packages, each ahead of those inside it."""
+    """Yield the dotted names of all packages, parents first."""
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("__init__.py")):
             yield ".".join(path.parent.relative_to(ROOT).parts)
 
 
 def reference_index() -> str:
-    """Return the page that says what each package holds: the first line of its docstring."""
+    """Return the page that lists each package with the first line of its docstring."""
     rows = ["# Packages", "", "| package | holds |", "|---|---|"]
     for name in packages():
         source = (ROOT / name.replace(".", "/") / "__init__.py").read_text()
@@ -80,7 +80,7 @@ def reference_index() -> str:
 
 
 def reference_page(name: str) -> str:
-    """Return the page of a package: what it defines itself, and then its public modules by name."""
+    """Return the page of a package: its own definitions, then its public modules by name."""
     paths = sorted((ROOT / name.replace(".", "/")).glob("[!_]*.py"))
     modules = "\n".join(f"::: {name}.{path.stem}\n" for path in paths)
     return f"# {name}\n\n::: {name}\n    options: {{show_root_heading: false}}\n\n{modules}"

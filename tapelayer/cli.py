@@ -1,4 +1,4 @@
-"""The command line: it knows every room, and no room knows it."""
+"""The command line: it may import every package, and no package imports it."""
 
 from __future__ import annotations
 
@@ -177,13 +177,13 @@ def inspect(courses: Courses) -> None:
     table = Table(title=Path(courses).name)
     for heading in ("course", "points", "length mm", "cuts deg", "slope deg", "off surface deg"):
         table.add_column(heading, justify="right", no_wrap=True)
-    found = read_courses(courses)
-    for course in found:
+    parsed = read_courses(courses)
+    for course in parsed:
         table.add_row(*_inspected(course))
     output.print(table)
     output.print(
-        f"{len(found)} courses, {sum(len(course.points) for course in found)} points, "
-        f"{sum(course.length for course in found):.3f} m of tape laid, in {_box(found)} mm",
+        f"{len(parsed)} courses, {sum(len(course.points) for course in parsed)} points, "
+        f"{sum(course.length for course in parsed):.3f} m of tape laid, in {_box(parsed)} mm",
         highlight=False,
         soft_wrap=True,
     )
@@ -244,11 +244,11 @@ app.command(epilog=command.EPILOG)(command.serve)
 
 
 class _ProgressBar:
-    """What is under way, on stderr: a progress bar on a terminal, a line a step where asked for.
+    """Progress on stderr: a bar if it is a terminal, and a line for each step if verbose.
 
     Args:
-        quiet: say nothing.
-        verbose: say how long each step took.
+        quiet: print nothing.
+        verbose: print how long each step took.
     """
 
     def __init__(self, quiet: bool, verbose: bool) -> None:
@@ -265,18 +265,18 @@ class _ProgressBar:
         return self
 
     def __exit__(self, *raised: object) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         self._end()
         self._bar.stop()
 
     def begin(self, step: str, ticks: int | None = None) -> None:
-        """Go on to a step, of so many ticks where they are known."""
+        """Begin a step, with its number of ticks if that is known."""
         self._end()
         self._step, self._begun = step, time.perf_counter()
         self._bar.reset(self._task, description=step, total=ticks)
 
     def tick(self) -> None:
-        """One more is done."""
+        """Count one more tick as done."""
         self._bar.advance(self._task)
 
     def _end(self) -> None:
@@ -285,14 +285,14 @@ class _ProgressBar:
 
 
 def _target(target: str | None, source: str) -> tuple[Path, bool]:
-    """The program's file, and whether it goes to stdout instead."""
+    """Return the program's file, and whether it goes to stdout instead."""
     return Path(target) if target else Path(Path(source).stem + ".nc"), target == "-"
 
 
 def _save(
     result: JobResult[Any], contents: dict[Path, bytes], title: str, report_file: str | None, html_file: str | None
 ) -> None:
-    """Write these files and the reports together."""
+    """Write these files and the requested reports together."""
     if report_file:
         contents[Path(report_file)] = (json.dumps(result.report(), indent=2, allow_nan=False) + "\n").encode()
     if html_file:
@@ -301,7 +301,7 @@ def _save(
 
 
 def _hand_over(result: JobResult[Any], program: Path, to_stdout: bool, quiet: bool) -> None:
-    """The program to stdout where it was asked for there, and what was found to the other stream."""
+    """Write the program to stdout if requested there, and the summary to the other stream."""
     if to_stdout:
         sys.stdout.buffer.write(result.text)
         sys.stdout.buffer.flush()
@@ -310,7 +310,7 @@ def _hand_over(result: JobResult[Any], program: Path, to_stdout: bool, quiet: bo
 
 
 def _conclude(result: JobResult[Any], name: str, console: Console) -> None:
-    """Table of what was found, and one line that says whether it passed."""
+    """Print the summary and the notes of a result, and a last line if it passed."""
     console.print(result.summary())
     for note in result.notes():
         sys.stderr.write(f"{note}\n")
@@ -326,7 +326,7 @@ def _job(
     options: Mapping[str, object],
     unit: Unit = "mm",
 ) -> MachineJob[Any, Any]:
-    """The job of a source, with the options in the setup's place."""
+    """Read the job of a source, with the options overriding the setup."""
     setup = read_setup(setup_file, kind.setup) if setup_file else kind.setup.model_validate({})
     if controller:
         setup = setup.with_values("output", controller=controller)
@@ -337,7 +337,7 @@ def _job(
 
 
 def _number_or_word(value: object) -> object:
-    """The value of an option, as a number where it is one."""
+    """Return the value of an option, as a number if it is one."""
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:
@@ -352,7 +352,7 @@ def _bytes(name: str) -> bytes:
 
 
 def _refuse_others(kind: JobKind, options: Mapping[str, object]) -> None:
-    """Refuse options that say something of another kind's sources."""
+    """Refuse options that apply to another kind's sources only."""
     for other in kinds():
         for name in other.options:
             if name not in kind.options and options[name] is not None:
@@ -361,7 +361,7 @@ def _refuse_others(kind: JobKind, options: Mapping[str, object]) -> None:
 
 
 def _inspected(course: Course) -> list[str]:
-    """Cells of a course's row."""
+    """Return the cells of a course's row."""
     steps = np.diff(course.points, axis=0)
     steps /= np.linalg.norm(steps, axis=1)[:, None]
     normals = course.normals[1:] + course.normals[:-1]
@@ -375,7 +375,7 @@ def _inspected(course: Course) -> list[str]:
 
 
 def _box(courses: Sequence[Course]) -> str:
-    """Smallest and largest x, y and z of the courses in mm."""
+    """Return the smallest and largest x, y and z of the courses as text, in mm."""
     points = np.concatenate([course.points for course in courses]) / MM
     spans = zip("xyz", np.min(points, axis=0), np.max(points, axis=0), strict=True)
     return ", ".join(f"{name} {low:.1f} to {high:.1f}" for name, low, high in spans)

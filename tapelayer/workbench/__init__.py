@@ -1,1 +1,1 @@
-"""Workbench: the code generation system in a browser, and the same over HTTP; a thin layer on the library."""
+"""Workbench: the code generation system as a web page and an HTTP API, both a thin layer on the library."""

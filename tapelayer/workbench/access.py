@@ -1,4 +1,4 @@
-"""Access: who may ask what, before any route sees a request, and what a browser may do with the answers."""
+"""Access: checks on every request before a route sees it, and the security headers of every answer."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 OWNER_COOKIE = "tapelayer_owner"
 OWNER_HEADER = "X-Owner-Key"
 OWNER_KEY = re.compile(r"[0-9a-f]{32}")
-# Browsers keep no cookie for longer.
+# Browsers cap the lifetime of a cookie at 400 days.
 OWNER_SECONDS = 400 * 24 * 3600
 SESSION_COOKIE = "tapelayer_session"
 SESSION_SECONDS = 12 * 3600
 
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
-# Setups and tokens are small; what is larger is rows, which are read beside the event loop and bound their own depth.
+# Setups and tokens are small. Only rows are larger; they are parsed off the event loop, by models of fixed depth.
 ROWS = frozenset({"/api/v1/inverse", "/api/v1/forward"})
 MAX_ROWS_BYTES = 32 * 2**20
 MAX_BODY_BYTES = 2**18
 FORM = "multipart/form-data"
 MAX_JSON_DEPTH = 64
-# A string of JSON, also one without an end; it is never looked at twice, whatever is sent.
+# A JSON string, terminated or not; the possessive quantifiers keep the scan linear for any input.
 JSON_STRING = re.compile(rb'"[^"\\]*+(?:\\.[^"\\]*+)*+"?', re.DOTALL)
 NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 DRAIN_SECONDS = 5.0
@@ -66,22 +66,22 @@ COMMON = {
 }
 NOWHERE = "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 PAGE_POLICY = f"default-src 'self'; img-src 'self' data: blob:; {NOWHERE}"
-# Swagger's page sets style attributes and has its pictures inline.
+# Swagger UI sets style attributes and embeds its images.
 DOCS_POLICY = f"default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; {NOWHERE}"
 DATA_POLICY = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-# A report is made from what a user sent: it is shown, and can do nothing.
+# A report contains user input: browsers may display it, but must not run anything in it.
 REPORT_POLICY = f"sandbox; {DATA_POLICY}; style-src 'unsafe-inline'"
 
 
 @dataclass(frozen=True)
 class Access:
-    """What is let in.
+    """Rules for which requests are let in.
 
     Attributes:
-        hosts: names that the server goes by, in lower case and without a port, besides its own address.
-        open_paths: what is answered without a token.
-        secure: whether it is reached by TLS only.
-        max_upload: bytes of a request with files.
+        hosts: host names of the server, in lower case and without a port; its own address is always allowed.
+        open_paths: paths that need no token.
+        secure: whether the server is reachable by TLS only.
+        max_upload: largest size of a request with files, in bytes.
     """
 
     hosts: frozenset[str]
@@ -91,10 +91,10 @@ class Access:
 
 
 class Gate:
-    """The token and the sessions made with it, with no memory but that of wrong tokens.
+    """The token and the sessions made with it; the only state it keeps is the count of wrong tokens.
 
     Args:
-        token: what clients have to know; None lets everybody in.
+        token: secret that clients must send; None lets everybody in.
     """
 
     def __init__(self, token: str | None) -> None:
@@ -115,7 +115,7 @@ class Gate:
             address: of the client.
 
         Raises:
-            Problem: wrong-token; too-many-attempts from this address, whether this one is right or not.
+            Problem: wrong-token, or too-many-attempts from this address, even if this token is right.
         """
         if self._token is None:
             return
@@ -135,12 +135,12 @@ class Gate:
         raise Problem("wrong-token", "the token is not this server's", {"WWW-Authenticate": "Bearer"})
 
     def session(self) -> str:
-        """A new session: nonce, expiry, and the token's proof of both."""
+        """Return a new session: nonce, expiry, and a signature of both."""
         claim = f"{secrets.token_hex(16)}.{int(time.time()) + SESSION_SECONDS}"
         return f"{claim}.{self._proof(claim)}"
 
     def holds(self, session: str) -> bool:
-        """Whether a session was made here with the token in force, and has not expired."""
+        """Return whether a session was made with the current token and has not expired."""
         claim, _, proof = session.rpartition(".")
         if not hmac.compare_digest(proof.encode(), self._proof(claim).encode()):
             return False
@@ -151,22 +151,22 @@ class Gate:
 
 
 class Guard:
-    """Middleware that answers what is not let in, and adds to every answer what a browser must keep to.
+    """Middleware that refuses requests that are not allowed, and adds security headers to every answer.
 
-    It leaves in the scope's state: `owner` (the hash of the owner's key), `owner_key` (where it is new) and
+    It sets in the scope's state: `owner` (the hash of the owner's key), `owner_key` (only if it is new) and
     `signed_in`.
 
     Args:
-        app: what is guarded.
-        access: what is let in.
-        gate: the token.
+        app: the application to guard.
+        access: rules for which requests are let in.
+        gate: checks tokens and sessions.
     """
 
     def __init__(self, app: ASGIApp, access: Access, gate: Gate) -> None:
         self.app, self.access, self.gate = app, access, gate
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let one connection in, or answer it."""
+        """Pass one connection on to the application, or refuse it."""
         if scope["type"] == "websocket":
             await WebSocketClose()(scope, receive, send)
             return
@@ -178,7 +178,7 @@ class Guard:
         answer = _Answer(send, _headers_of(scope["path"]), body, scope["method"] == "HEAD")
         try:
             self._let_in(scope, answer)
-            # Whoever asks for the head of an answer asks for that answer without its body.
+            # HEAD is answered as GET without the body.
             if answer.head_only:
                 await self.app({**scope, "method": "GET"}, answer.receive, answer.send)
             else:
@@ -195,10 +195,10 @@ class Guard:
             await problem_response(mistake)(scope, receive, answer.send)
 
     def _let_in(self, scope: Scope, answer: _Answer) -> None:
-        """Check who asks.
+        """Check a request's host, origin and token, and identify its owner.
 
         Raises:
-            Problem: not let in.
+            Problem: the request is not let in.
         """
         headers = Headers(scope=scope)
         _check_host(headers, scope, self.access.hosts)
@@ -215,8 +215,9 @@ class Guard:
         scope["state"]["owner"] = hashlib.sha256(key.encode()).hexdigest()
         if new:
             scope["state"]["owner_key"] = key
-        # The page asks for its session first. A page that is opened by another site's link comes without its strict
-        # cookies: a new one given with the page itself would take the place of the old one.
+        # The page's first request is for its session, so the cookie is set there. It must not be set with the page
+        # itself: a page opened from another site's link is requested without the strict cookies, and a new cookie
+        # would then replace the old one.
         if new and path == SESSION:
             answer.cookie = cookie(OWNER_COOKIE, key, OWNER_SECONDS, self.access.secure)
 
@@ -231,12 +232,12 @@ class Guard:
 
 
 class _Body:
-    """A request's body with its limits.
+    """A request's body and the limits on it.
 
     Args:
         scope: of the request.
         receive: from the client.
-        max_upload: bytes of a body with files.
+        max_upload: largest size of a body with files, in bytes.
     """
 
     def __init__(self, scope: Scope, receive: Receive, max_upload: int) -> None:
@@ -250,14 +251,14 @@ class _Body:
         self._length = int(length) if length.isdecimal() else 0
         self._count = 0
         self._more = self._length > 0 or "transfer-encoding" in headers
-        # Such a client waits for a word before it sends anything.
+        # Such a client sends nothing until the server answers 100 Continue.
         self._waits = headers.get("expect", "").lower() == "100-continue"
 
     async def checked(self) -> Receive:
-        """The body, with what can be said of it already.
+        """Check the announced length and, for JSON, the depth; return where to receive the body from.
 
         Raises:
-            Problem: it is too large, or its JSON is too deep.
+            Problem: the body is too large, or its JSON is too deep.
         """
         if self._length > self._limit:
             raise self._too_large()
@@ -272,10 +273,10 @@ class _Body:
         return _again(body, self._receive)
 
     async def receive(self) -> Message:
-        """What comes next.
+        """Return the next message.
 
         Raises:
-            Problem: more than the limit has come.
+            Problem: the body exceeds its limit.
         """
         message = await self._next()
         if self._count > self._limit:
@@ -283,9 +284,9 @@ class _Body:
         return message
 
     async def drain(self) -> None:
-        """Take in what the client still sends: whoever is cut short while sending does not hear why.
+        """Read and discard the rest of the body, because a client that is cut off while sending never reads the answer.
 
-        It is thrown away, and ends after as much as the limit, and after a while.
+        Stop after as many bytes as the limit allows, or after `DRAIN_SECONDS`.
         """
         most = self._count + self._limit
         with suppress(TimeoutError):
@@ -305,11 +306,11 @@ class _Body:
 
 
 class _Answer:
-    """The way out of an answer: its headers are added, and a body that nobody asked for is held back.
+    """Sender of one answer: it adds headers, and drops the body of an answer to HEAD.
 
     Args:
         send: to the client.
-        headers: for every answer that does not have them.
+        headers: added where the answer does not set them itself.
         body: of the request.
         head_only: send no body.
     """
@@ -338,7 +339,7 @@ class _Answer:
             await self._send(message)
 
     async def receive(self) -> Message:
-        """A request without a body, from a client that goes away as soon as it has the headers."""
+        """Return an empty request body, then a disconnect as soon as the headers have been sent."""
         if not self._asked:
             self._asked = True
             return {"type": "http.request", "body": b"", "more_body": False}
@@ -347,31 +348,31 @@ class _Answer:
 
 
 def problem_response(problem: Problem) -> Response:
-    """The answer that tells a problem."""
+    """Return a problem as a response."""
     return JSONResponse(problem.body(), problem.status, problem.headers, media_type=MEDIA_TYPE)
 
 
 def cookie(name: str, value: str, seconds: int, secure: bool) -> str:
-    """A cookie that scripts cannot read and other sites cannot use; 0 seconds take it away."""
+    """Return a Set-Cookie value that scripts cannot read and other sites cannot use; 0 seconds delete the cookie."""
     return f"{name}={value}; Max-Age={seconds}; Path=/; HttpOnly; SameSite=Strict" + ("; Secure" if secure else "")
 
 
 def client_address(scope: Scope) -> str:
-    """Address of the client, as tries are counted by it."""
+    """Return the client's address, by which wrong tokens are counted."""
     client = scope.get("client")
     return str(client[0]) if client else "a local socket"
 
 
 def json_depth(body: bytes) -> int:
-    """Deepest nesting of a JSON text; of what is no JSON, at least how deep a reader would get into it."""
+    """Return the nesting depth of a JSON text; for invalid JSON, at least the depth that a parser would reach."""
     brackets = np.frombuffer(JSON_STRING.sub(b"", body).translate(None, NO_BRACKETS), dtype=np.uint8)
-    # Of [ ] { } only the opening ones have this bit.
+    # Of the brackets [ ] { } only the opening ones have this bit.
     steps = (brackets & 2).astype(np.int8) - np.int8(1)
     return int(np.max(np.cumsum(steps, dtype=np.int32), initial=0))
 
 
 def _headers_of(path: str) -> dict[str, str]:
-    """What a browser has to keep to with an address's answer."""
+    """Return the security headers for the answers of a path."""
     if path == DOCS:
         return {**COMMON, "Content-Security-Policy": DOCS_POLICY, "Cache-Control": "no-cache"}
     if not path.startswith(API):
@@ -381,7 +382,7 @@ def _headers_of(path: str) -> dict[str, str]:
 
 
 def _check_host(headers: Headers, scope: Scope, hosts: frozenset[str]) -> None:
-    """Refuse a name that somebody else may have made point here (DNS rebinding)."""
+    """Refuse an unknown host name, which an attacker may have pointed at this server (DNS rebinding)."""
     host = headers.get("host", "")
     match = HOST.fullmatch(host.lower())
     if match and (match[1] or match[2]) in {*hosts, _own_address(scope)}:
@@ -390,7 +391,7 @@ def _check_host(headers: Headers, scope: Scope, hosts: frozenset[str]) -> None:
 
 
 def _own_address(scope: Scope) -> str | None:
-    """Address that the client reached; no name can stand there."""
+    """Return the IP address at which the client reached the server, or None."""
     server = scope.get("server")
     try:
         return str(ipaddress.ip_address(server[0])) if server else None
@@ -399,7 +400,7 @@ def _own_address(scope: Scope) -> str | None:
 
 
 def _check_origin(headers: Headers) -> None:
-    """Refuse what another site's page asks for; programs other than browsers state no origin."""
+    """Refuse a request from another site's page; programs other than browsers send no origin."""
     site = headers.get("sec-fetch-site", "none")
     if site not in ("none", "same-origin"):
         raise Problem("foreign-origin", f"a page of another site asked for this (Sec-Fetch-Site: {site[:100]})")
@@ -412,7 +413,7 @@ def _check_origin(headers: Headers) -> None:
 
 
 def _owner_key(headers: Headers, cookies: Mapping[str, str]) -> tuple[str, bool]:
-    """The owner's key, and whether it is new.
+    """Return the owner's key, and whether it is new.
 
     Raises:
         Problem: the header is not a key.
@@ -425,7 +426,7 @@ def _owner_key(headers: Headers, cookies: Mapping[str, str]) -> tuple[str, bool]
 
 
 def _again(body: bytes, receive: Receive) -> Receive:
-    """A body that was read already, then whatever comes after it."""
+    """Return a `receive` that replays a body that was already read, then continues with the original one."""
     messages: list[dict[str, Any]] = [{"type": "http.request", "body": body, "more_body": False}]
 
     async def again() -> Message:

@@ -1,4 +1,4 @@
-"""API: the routes of jobs and of what they made, and of programs that are to be judged."""
+"""API: the routes for jobs and their results, and for judging programs."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ FLOAT_BYTES = 4
 
 
 class JobFile(FileResponse):
-    """A file of a job, which may be removed between being found and being sent."""
+    """Response with a file of a job, which may be deleted before it is sent."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send it."""
+        """Send the file."""
         try:
             await super().__call__(scope, receive, send)
         except RuntimeError:
@@ -137,13 +137,13 @@ class Progress(BaseModel):
 
 
 def content(media_type: str, *headers: str) -> dict[int | str, dict[str, Any]]:
-    """A route's good response: its media type and the headers that it may have."""
+    """Return OpenAPI's description of a route's 200 response: its media type and optional headers."""
     described = {name: {"schema": {"type": "string"}} for name in headers}
     return {200: {"description": "", "content": {media_type: {}}, "headers": described}}
 
 
 def form(fields: Mapping[str, Sort], required: tuple[str, ...], described: Mapping[str, Any]) -> dict[str, Any]:
-    """OpenAPI's description of a multipart form."""
+    """Return OpenAPI's description of a multipart form."""
     file = {"type": "string", "format": "binary"}
     schemas: dict[Sort, dict[str, Any]] = {
         "text": {"type": "string"},
@@ -180,7 +180,7 @@ REFUSED_FORMS = (
     ),
     *("xml-refused", "queue-full", "target-not-writable"),
 )
-# File, media type and description of what a job may have made, by address.
+# File name, media type and description of each result that a job may have, by address.
 FILES = {
     "report.json": ("report.json", "application/json", "Show the report."),
     "report.html": ("report.html", "text/html", "Show the report as a page."),
@@ -208,22 +208,22 @@ ACCEPTED: dict[int | str, dict[str, Any]] = {202: {"headers": {"Location": {"sch
 router = APIRouter(prefix="/api/v1", tags=["jobs"], responses=responses(*EVERYWHERE))
 
 
-def found(id: str, request: Request) -> Record:
-    """The job that the path names."""
+def job_of_path(id: str, request: Request) -> Record:
+    """Return the job that the path names."""
     return _store(request).get(id)
 
 
-Found = Annotated[Record, Depends(found)]
+JobOfPath = Annotated[Record, Depends(job_of_path)]
 
 
-def owned(record: Found, request: Request) -> Record:
-    """The job that the path names, where it is the caller's."""
+def own_job(record: JobOfPath, request: Request) -> Record:
+    """Return the job that the path names if it is the caller's."""
     if record.owner != request.state.owner:
         raise Problem("not-owner", "this job is somebody else's; only its owner may change it")
     return record
 
 
-Owned = Annotated[Record, Depends(owned)]
+OwnJob = Annotated[Record, Depends(own_job)]
 
 
 @router.post(
@@ -260,13 +260,13 @@ def jobs(request: Request) -> Jobs:
 
 
 @router.get("/jobs/{id}", response_model_exclude_unset=True, responses=responses("not-found"))
-def job(record: Found, request: Request) -> Job:
+def job(record: JobOfPath, request: Request) -> Job:
     """Show a job; whoever has its id may."""
     return _job(record, request)
 
 
 @router.delete("/jobs/{id}", status_code=204, responses=responses("not-found", "not-owner"))
-async def delete(record: Owned, request: Request) -> None:
+async def delete(record: OwnJob, request: Request) -> None:
     """Remove a job with its files; one that is under way is cancelled first."""
     await _foreman(request).cancel(record.id)
     await run_in_threadpool(_store(request).delete, record.id)
@@ -278,13 +278,13 @@ async def delete(record: Owned, request: Request) -> None:
     response_model_exclude_unset=True,
     responses=responses("not-found", "not-owner"),
 )
-async def cancel(record: Owned, request: Request) -> Job:
+async def cancel(record: OwnJob, request: Request) -> Job:
     """Cancel a job that waits or runs; one that has ended stays as it is."""
     return _job(await _foreman(request).cancel(record.id), request)
 
 
 @router.get("/jobs/{id}/events", response_class=EventSourceResponse, responses=responses("not-found"))
-async def events(record: Found, request: Request) -> AsyncIterator[ServerSentEvent]:
+async def events(record: JobOfPath, request: Request) -> AsyncIterator[ServerSentEvent]:
     """Follow a job: `state` with the whole job at once and when its state changes, `progress`, at last `done`."""
     state = ""
     async for now in _foreman(request).watch(record.id):
@@ -304,7 +304,7 @@ async def events(record: Found, request: Request) -> AsyncIterator[ServerSentEve
     response_class=FileResponse,
     responses=content("text/plain") | responses("not-found", "job-not-finished", "job-failed", "program-withheld"),
 )
-def program(record: Found, request: Request) -> FileResponse:
+def program(record: JobOfPath, request: Request) -> FileResponse:
     """Download the NC program; it is given only where verification passed it."""
     if record.error and record.error["code"] == "verification-failed":
         evidence = {key: record.error[key] for key in ("failures", "failure_count") if key in record.error}
@@ -318,18 +318,18 @@ def program(record: Found, request: Request) -> FileResponse:
     response_class=FileResponse,
     responses=content("application/toml") | responses("not-found"),
 )
-def setup(record: Found, request: Request) -> FileResponse:
+def setup(record: JobOfPath, request: Request) -> FileResponse:
     """Download the job's setup: the values that it was given, the controller among them."""
     return JobFile(_store(request).folder(record.id) / "setup.toml", media_type="application/toml")
 
 
 @router.get("/jobs/{id}/limits", responses=responses("not-found"))
-def limits(record: Found, request: Request) -> Limits:
+def limits(record: JobOfPath, request: Request) -> Limits:
     """Show the limits that the job's setup sets, and which of them are judged."""
     kind = kind_of(cast(KindName, record.kind))
     data = (_store(request).folder(record.id) / "setup.toml").read_bytes()
-    found = kind.limits(parse_setup(data, "setup.toml", kind.setup))
-    return Limits(limits={key: LimitTold(value=one.value, judged=one.judged) for key, one in found.items()})
+    by_key = kind.limits(parse_setup(data, "setup.toml", kind.setup))
+    return Limits(limits={key: LimitTold(value=limit.value, judged=limit.judged) for key, limit in by_key.items()})
 
 
 @router.get(
@@ -337,7 +337,7 @@ def limits(record: Found, request: Request) -> Limits:
     response_class=FileResponse,
     responses=content("application/octet-stream") | responses("not-found"),
 )
-def source(record: Found, request: Request) -> FileResponse:
+def source(record: JobOfPath, request: Request) -> FileResponse:
     """Download the course file or the STL that the job was made from."""
     path = _store(request).folder(record.id) / "source"
     return JobFile(path, media_type="application/octet-stream", filename=record.name)
@@ -348,7 +348,7 @@ def source(record: Found, request: Request) -> FileResponse:
     response_class=FileResponse,
     responses=content("application/octet-stream") | responses("not-found"),
 )
-def part(record: Found, name: str, request: Request) -> FileResponse:
+def part(record: JobOfPath, name: str, request: Request) -> FileResponse:
     """Download a file that came along as one of the job's parts."""
     if name not in record.request["parts"]:
         raise Problem("not-found", f"no part {name!r} came along with this job")
@@ -361,7 +361,7 @@ def part(record: Found, name: str, request: Request) -> FileResponse:
     response_class=FileResponse,
     responses=content("application/octet-stream") | responses("not-found"),
 )
-def mould(record: Found, request: Request) -> FileResponse:
+def mould(record: JobOfPath, request: Request) -> FileResponse:
     """Download the mould that came along with the job."""
     name = record.request.get("mould")
     if not name:
@@ -371,9 +371,9 @@ def mould(record: Found, request: Request) -> FileResponse:
 
 
 def _add_file(address: str, file: str, media_type: str, description: str) -> None:
-    """Route to a file that a job made."""
+    """Add the route to a file among a job's results."""
 
-    def endpoint(record: Found, request: Request) -> FileResponse:
+    def endpoint(record: JobOfPath, request: Request) -> FileResponse:
         return JobFile(_result(record, request, file), media_type=media_type)
 
     router.add_api_route(
@@ -387,9 +387,9 @@ def _add_file(address: str, file: str, media_type: str, description: str) -> Non
 
 
 def _add_table(name: str, description: str) -> None:
-    """Route to a table that a job made."""
+    """Add the route to a table among a job's results."""
 
-    def endpoint(record: Found, request: Request) -> FileResponse:
+    def endpoint(record: JobOfPath, request: Request) -> FileResponse:
         path = _result(record, request, f"{name}.f32")
         about = json.loads(path.with_suffix(".json").read_bytes())
         columns = about["columns"]
@@ -441,13 +441,13 @@ async def verify(request: Request) -> dict[str, Any]:
 
 
 async def _while_there(request: Request, work: Awaitable[Message]) -> Message:
-    """Result of work that nobody needs when the client has gone; it has ended then.
+    """Return the result of work, which is cancelled if the client disconnects.
 
     Raises:
-        Problem: the client has gone.
+        Problem: the client has disconnected.
     """
     working = asyncio.ensure_future(work)
-    # After the body, this is all that a client can still say.
+    # The body has been read: the next message can only be a disconnect.
     going = asyncio.ensure_future(request.receive())
     try:
         await asyncio.wait((working, going), return_when=asyncio.FIRST_COMPLETED)
@@ -462,7 +462,7 @@ async def _while_there(request: Request, work: Awaitable[Message]) -> Message:
 
 @asynccontextmanager
 async def _staged(store: Store) -> AsyncIterator[Path]:
-    """A folder for uploads, removed where it has not become a job's."""
+    """Yield a folder for uploads, and remove it unless it has become a job's."""
     folder = await run_in_threadpool(store.stage)
     try:
         yield folder
@@ -505,14 +505,14 @@ def _event(name: Literal["state", "progress", "done"], body: BaseModel) -> Serve
 
 
 def _result(record: Record, request: Request, name: str) -> Path:
-    """A file that a job made.
+    """Return the path of a file among a job's results.
 
     Raises:
-        Problem: it is not there, and why.
+        Problem: there is no such file; the problem says why.
     """
     if not record.ended:
         raise Problem("job-not-finished", "the job is under way; follow its events and ask again when it is done")
-    # What a worker that was killed leaves is no result.
+    # Files left by a killed worker are not results.
     if record.summary is None:
         reason = record.error["detail"] if record.error else record.state
         raise Problem("job-failed", f"the job made nothing: {reason}")
@@ -523,6 +523,6 @@ def _result(record: Record, request: Request, name: str) -> Path:
 
 
 def _problem(body: Mapping[str, Any]) -> Problem:
-    """A problem that a worker told."""
+    """Return a problem that a worker reported."""
     evidence = {key: value for key, value in body.items() if key not in ("type", "title", "status", "detail", "code")}
     return Problem(body["code"], body["detail"], **evidence)

@@ -1,4 +1,4 @@
-"""Catalogue: the routes that tell what there is to choose from, and that read and write setups."""
+"""Catalogue: the routes that list what is available, and that read and write setups."""
 
 from __future__ import annotations
 
@@ -150,18 +150,18 @@ router = APIRouter(prefix="/api/v1", tags=["catalogue"], responses=responses(*EV
 @router.get("/controllers")
 def list_controllers() -> Controllers:
     """List the controls that there are tables for."""
-    found = [ControllerTold(name=name, title=controllers.load(name).title) for name in controllers.names()]
-    return Controllers(controllers=found)
+    tables = [ControllerTold(name=name, title=controllers.load(name).title) for name in controllers.names()]
+    return Controllers(controllers=tables)
 
 
 @router.get("/machines")
 def list_machines() -> Machines:
     """List the machines that come along, with their axes."""
-    found = []
+    machines = []
     for name, machine in built_in_machines().items():
-        axes = [_told(axis) for axis in machine_of(name).axes]
-        found.append(MachineTold(name=name, title=machine.title, axes=axes, frames=[machine.frame]))
-    return Machines(machines=found)
+        axes = [_axis_told(axis) for axis in machine_of(name).axes]
+        machines.append(MachineTold(name=name, title=machine.title, axes=axes, frames=[machine.frame]))
+    return Machines(machines=machines)
 
 
 @router.get(
@@ -180,8 +180,8 @@ def machine_urdf(name: str) -> FileResponse:
 @router.get("/examples")
 def list_examples() -> Examples:
     """List files to begin with."""
-    found = [Example(name=name, kind=name_of_source(name), title=title) for name, title in EXAMPLES.items()]
-    return Examples(examples=found)
+    examples = [Example(name=name, kind=name_of_source(name), title=title) for name, title in EXAMPLES.items()]
+    return Examples(examples=examples)
 
 
 @router.get(
@@ -227,19 +227,19 @@ def format(wanted: SetupWanted) -> Response:
 
 @lru_cache
 def built_in_machines() -> dict[str, BuiltIn]:
-    """The machines that come along, by name."""
+    """Return the built-in machines by name."""
     return {kind.machine.name: kind.machine for kind in kinds()}
 
 
 @lru_cache
 def machine_of(name: str) -> Machine:
-    """The machine of that name that comes along."""
+    """Load the built-in machine of that name."""
     return Machine.load(built_in_machines()[name].urdf)
 
 
-def _told(axis: Axis) -> AxisTold:
+def _axis_told(axis: Axis) -> AxisTold:
     scale, unit = (1 / DEG, "deg") if axis.revolute else (1 / MM, "mm")
-    # Twelve digits give back the URDF's own round values.
+    # Rounding to twelve digits restores the URDF's own round values.
     lower, upper, speed = (float(f"{value * scale:.12g}") for value in (axis.lower, axis.upper, axis.speed))
     return AxisTold(name=axis.name, unit=unit, lower=lower, upper=upper, speed=speed)
 

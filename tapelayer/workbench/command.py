@@ -1,4 +1,4 @@
-"""The command `serve`, on its own: it waits neither for the library's rooms nor for those of the other commands."""
+"""The command `serve`, in a module that imports neither the library nor the other commands, so that it starts fast."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def serve(
         raise ServeRefused("--tls-cert and --tls-key belong together: give both or neither")
     token = _token(Path(token_file)) if token_file else None
     _check_reach(host, token is not None, tls_cert is not None, insecure)
-    # Without the extra these cannot be imported, and with it they take their time.
+    # These need the extra, and are slow to import.
     from tapelayer.workbench import server
     from tapelayer.workbench.foreman import Limits
 
@@ -76,10 +76,10 @@ def serve(
 
 
 def _token(file: Path) -> str:
-    """The token in a file.
+    """Return the token in a file.
 
     Raises:
-        ServeRefused: there is none, or it is not one line of enough characters.
+        ServeRefused: the file cannot be read, or is not one line of enough allowed characters.
     """
     try:
         text = file.read_text(encoding="ascii")
@@ -100,10 +100,10 @@ def _token(file: Path) -> str:
 
 
 def _check_reach(host: str, token: bool, tls: bool, insecure: bool) -> None:
-    """Refuse to serve other machines without a token; say what is not safe.
+    """Refuse to serve other machines without a token; warn on stderr of what is not safe.
 
     Raises:
-        ServeRefused: other machines would get in.
+        ServeRefused: other machines would get in without a token.
     """
     if _is_own(host):
         return
@@ -118,7 +118,7 @@ def _check_reach(host: str, token: bool, tls: bool, insecure: bool) -> None:
 
 
 def _is_own(host: str) -> bool:
-    """Whether only this machine reaches an address."""
+    """Return whether an address can be reached from this machine only."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -126,13 +126,13 @@ def _is_own(host: str) -> bool:
 
 
 def _data_folder() -> Path:
-    """Where a user's data belong (XDG Base Directory Specification)."""
+    """Return the folder for a user's data (XDG Base Directory Specification)."""
     home = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
     return Path(home) / "tapelayer"
 
 
 def main() -> None:
-    """Run this command alone."""
+    """Run only this command."""
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
     app.command(epilog=EPILOG)(serve)
     run(app, sys.argv[2:], "tapelayer serve")

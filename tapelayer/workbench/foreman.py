@@ -1,7 +1,6 @@
-"""Foreman: who gives jobs to workers, one process a job, and says how they go.
+"""Foreman: the scheduler that runs each job in a worker process of its own and reports its progress.
 
-Processes are started before they are needed and used once. A job's process can die, or be killed, without anything
-happening to the others.
+Processes are started ahead of need and used once. If a job's process dies or is killed, other jobs are unaffected.
 """
 
 from __future__ import annotations
@@ -28,9 +27,9 @@ from tapelayer.workbench.store import SERVER_STOPPED, Record, Store
 Message = dict[str, Any]
 Hear = Callable[[str, float], None]
 
-# With -P no module is taken from the folder that the server happens to stand in.
+# -P keeps Python from importing modules from the server's current folder.
 COMMAND = (sys.executable, "-P", "-m", "tapelayer.workbench.worker")
-WARM_AFTER_SECONDS = 2.0  # the page's first view comes first
+WARM_AFTER_SECONDS = 2.0  # so that starting workers does not slow down the page's first view
 RETRY_SECONDS = 10
 SWEEP_SECONDS = 3600.0
 STOP_SECONDS = 2.0
@@ -45,14 +44,14 @@ def _spare_cores() -> int:
 
 @dataclass(frozen=True)
 class Limits:
-    """What the server gives.
+    """Limits on jobs.
 
     Attributes:
-        workers: jobs that run at a time.
-        queue: jobs that wait.
-        job_seconds: for a job to run.
-        memory_bytes: for a job's process.
-        keep_days: from the end of a job to its removal.
+        workers: jobs that run at the same time.
+        queue: jobs that may wait.
+        job_seconds: longest run of a job.
+        memory_bytes: most memory of a job's process.
+        keep_days: days from the end of a job to its removal.
     """
 
     workers: int = field(default_factory=_spare_cores)
@@ -63,11 +62,11 @@ class Limits:
 
 
 class Foreman:
-    """The jobs of a store that wait or run.
+    """Scheduler of the waiting and running jobs of a store.
 
     Args:
-        store: where they are kept.
-        limits: what they may take.
+        store: keeps the jobs.
+        limits: on the jobs.
     """
 
     def __init__(self, store: Store, limits: Limits) -> None:
@@ -82,14 +81,14 @@ class Foreman:
         self._stopping = False
 
     async def start(self) -> None:
-        """Put right what the last server left, and go on with the jobs that wait."""
+        """Clean up after the last server and resume the queued jobs."""
         for record in self._store.recover():
             self._take_on(record)
         self._chore(self._sweep())
         self._chore(self._warm_up())
 
     async def stop(self) -> None:
-        """End every process: what runs fails, what waits does so until the next start."""
+        """End every process; running jobs fail, queued jobs stay queued for the next start."""
         self._stopping = True
         for task in (*(run.work for run in self._jobs.values()), *self._errands, *self._chores):
             task.cancel()
@@ -99,7 +98,7 @@ class Foreman:
         self._spares.clear()
 
     def check_room(self) -> None:
-        """Refuse what the queue has no room for.
+        """Refuse new work if the queue is full.
 
         Raises:
             Problem: the queue is full, or the server is being stopped.
@@ -112,16 +111,16 @@ class Foreman:
             raise Problem("queue-full", sentence, {"Retry-After": str(RETRY_SECONDS)})
 
     def submit(self, record: Record) -> None:
-        """Run a queued job when its turn comes.
+        """Schedule a queued job.
 
         Raises:
-            Problem: as `check_room`; the job is still in the store.
+            Problem: as `check_room`; the job stays in the store.
         """
         self.check_room()
         self._take_on(record)
 
     async def run(self, folder: Path, owner: str) -> Message:
-        """Do what a folder asks for that is no job of the store, when its turn comes; the worker's last message.
+        """Run a request from a folder outside the store, when its turn comes, and return the worker's last message.
 
         Raises:
             Problem: as `check_room`, or the server was stopped meanwhile.
@@ -138,7 +137,7 @@ class Foreman:
             raise
 
     async def cancel(self, job: str) -> Record:
-        """Cancel a job that waits or runs; the job as it is when nothing of it runs any more, and that is kept.
+        """Cancel a waiting or running job, and return its record once its process has ended and the store knows.
 
         Raises:
             Problem: there is no such job.
@@ -146,12 +145,12 @@ class Foreman:
         run = self._jobs.get(job)
         if run:
             run.work.cancel()
-            # A full disk does not hold up who would make room on it.
+            # A full disk must not block the request that frees space.
             await asyncio.wait([run.ending], timeout=STOP_SECONDS)
         return await asyncio.to_thread(self._store.get, job)
 
     async def watch(self, job: str) -> AsyncIterator[Record]:
-        """A job as it is, and again whenever it changes, until it has ended or the server stops.
+        """Yield a job's record now and at every change, until the job has ended or the server stops.
 
         Raises:
             Problem: there is no such job.
@@ -162,7 +161,7 @@ class Foreman:
             return
         over = False
         while not over:
-            # What changes while the watcher is busy rings this bell, too.
+            # Take the bell before yielding, so that a change while the watcher is busy is not missed.
             bell, over = run.bell, run.over
             yield run.record
             if not over:
@@ -183,7 +182,7 @@ class Foreman:
         run.tell(replace(run.record, stage=stage, progress=progress))
 
     async def _settle(self, run: _Run) -> None:
-        """Keep how a job ended, and tell its watchers."""
+        """Store how a job ended, and notify its watchers."""
         await asyncio.wait([run.work])
         try:
             if not (run.work.cancelled() and self._stopping and run.record.state == "queued"):
@@ -193,14 +192,14 @@ class Foreman:
             run.end()
 
     async def _keep(self, run: _Run, message: Message) -> None:
-        """Keep the last message about a job; while the disk has no room for it, the job has not ended."""
+        """Store the last message about a job; retry while the disk is full, since only then has the job ended."""
         while True:
             try:
                 finish = partial(self._store.finish, run.record.id, message["state"])
                 run.tell(await asyncio.to_thread(finish, message["summary"], message["error"]))
                 return
             except Problem as problem:
-                # It was removed meanwhile.
+                # The job was removed meanwhile.
                 if problem.code == "not-found":
                     return
                 log.error("job %s: %s", run.record.id, problem)
@@ -221,7 +220,7 @@ class Foreman:
         return _failed(problem)
 
     async def _work(self, folder: Path, owner: str, begin: Callable[[], Awaitable[None]], hear: Hear) -> Message:
-        """Wait for the owner's turn, give the folder to a worker, and hear it out."""
+        """Wait for the owner's turn, give the folder to a worker, and return the worker's last message."""
         async with self._turns.of(owner):
             process = await self._hire()
             try:
@@ -239,7 +238,7 @@ class Foreman:
         order = {"folder": str(folder), "memory_bytes": self.limits.memory_bytes}
         process.stdin.write(json.dumps(order).encode() + b"\n")
         async for line in process.stdout:
-            # A worker that is killed may leave the beginning of a line.
+            # A killed worker may leave an incomplete last line.
             message = json.loads(line) if line.endswith(b"\n") else {}
             if "state" in message:
                 return dict(message)
@@ -250,7 +249,7 @@ class Foreman:
         return _failed(Problem("worker-killed", f"the job's process {cause}; only this job is lost, submit it again"))
 
     async def _hire(self) -> Process:
-        """A worker that waits for its order."""
+        """Return a worker that waits for its order."""
         process = None
         while self._spares and not process:
             spare = self._spares.popleft()
@@ -272,7 +271,7 @@ class Foreman:
         self._refill()
 
     async def _sweep(self) -> None:
-        """Remove what has expired, every now and then."""
+        """Remove expired jobs every `SWEEP_SECONDS`."""
         while True:
             try:
                 await asyncio.to_thread(self._store.expire, self.limits.keep_days)
@@ -288,14 +287,14 @@ class Foreman:
 
 
 class _Run:
-    """A job that waits or runs, and the bell that its watchers wait for.
+    """A waiting or running job, and the bell that its watchers wait for.
 
     Args:
-        record: the job as it is.
+        record: current record of the job.
 
     Attributes:
-        work: ends with the last message about the job.
-        ending: ends when that is kept.
+        work: task that returns the last message about the job.
+        ending: task that ends once that message is stored.
     """
 
     work: asyncio.Task[Message]
@@ -307,12 +306,12 @@ class _Run:
         self.over = False
 
     def tell(self, record: Record) -> None:
-        """Let the watchers know the job as it is now."""
+        """Replace the record and notify the watchers."""
         self.record = record
         self._ring()
 
     def end(self) -> None:
-        """Let the watchers go."""
+        """Release the watchers."""
         self.over = True
         self._ring()
 
@@ -322,10 +321,10 @@ class _Run:
 
 
 class _Turns:
-    """So many turns at a time: first come, first served within an owner, and from owner to owner in the round.
+    """A limited number of concurrent turns: round robin over the owners, first come, first served for each owner.
 
     Args:
-        count: turns at a time.
+        count: turns at the same time.
     """
 
     def __init__(self, count: int) -> None:
@@ -334,7 +333,7 @@ class _Turns:
 
     @asynccontextmanager
     async def of(self, owner: str) -> AsyncIterator[None]:
-        """A turn of an owner, when it comes."""
+        """Wait for an owner's turn and hold it."""
         await self._take(owner)
         try:
             yield
@@ -350,13 +349,13 @@ class _Turns:
         try:
             await turn
         except asyncio.CancelledError:
-            # Whoever is cancelled between getting the turn and taking it hands it on.
+            # The turn was granted before the cancellation arrived: pass it on.
             if not turn.cancelled():
                 self._give_back()
             raise
 
     def _give_back(self) -> None:
-        """Hand the turn to the owner whose round it is, who then goes to the end of the round."""
+        """Hand the turn to the next owner, who then moves to the end of the line."""
         while self._waiting:
             owner = next(iter(self._waiting))
             queue = self._waiting.pop(owner)
@@ -370,14 +369,14 @@ class _Turns:
 
 
 async def _spawn() -> Process:
-    """A worker, in a process group of its own."""
+    """Start a worker in a process group of its own."""
     return await asyncio.create_subprocess_exec(
         *COMMAND, stdin=PIPE, stdout=PIPE, limit=LONGEST_LINE, start_new_session=True
     )
 
 
 async def _end(process: Process) -> None:
-    """Kill a worker with all that it started; it has saved what it made before it said so."""
+    """Kill a worker and all its children; it reports results only after saving them, so none are lost."""
     if process.returncode is None:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)

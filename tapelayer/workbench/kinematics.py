@@ -1,4 +1,4 @@
-"""Kinematics: the routes that solve axis values for poses, and poses for axis values, many rows at once."""
+"""Kinematics: the routes that compute axis values from poses, and poses from axis values, many rows at once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 
 MOST_ROWS = 100_000
 MOST_TEXTS = 100
-# Millimetres, degrees and vectors beyond it are mistakes, and their squares would be no numbers.
+# Larger values in any unit are mistakes, and their squares could overflow.
 GREATEST = 1e12
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-GREATEST, le=GREATEST)]
@@ -53,7 +53,7 @@ PLACE = ["x_mm", "y_mm", "z_mm"]
 
 
 class _Asked(BaseModel):
-    """Rows that are to be solved; their columns may be in any order."""
+    """Rows to solve, with their columns in any order."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -152,34 +152,34 @@ router = APIRouter(
 
 
 def _body(*models: type[_Asked]) -> dict[str, Any]:
-    """OpenAPI's description of a body that is one of the models."""
+    """Return OpenAPI's description of a body that is one of the models."""
     schema = {"oneOf": [model.model_json_schema() for model in models]}
     return {"requestBody": {"required": True, "content": {"application/json": {"schema": schema}}}}
 
 
-async def poses_asked(request: Request) -> Poses:
-    """Poses that a request asks to be solved."""
-    return await _asked(request, POSES)
+async def parse_poses(request: Request) -> Poses:
+    """Parse the poses in a request's body."""
+    return await _parse(request, POSES)
 
 
-async def joints_asked(request: Request) -> Joints:
-    """Axis values that a request asks to be solved."""
-    return await _asked(request, JOINTS)
+async def parse_joints(request: Request) -> Joints:
+    """Parse the axis values in a request's body."""
+    return await _parse(request, JOINTS)
 
 
-async def _asked(request: Request, models: TypeAdapter[Model]) -> Model:
-    """What a request asks for.
+async def _parse(request: Request, models: TypeAdapter[Model]) -> Model:
+    """Parse a request's body as one of the models.
 
     Raises:
         Problem: it has too many names and texts.
-        RequestValidationError: it is no JSON, or not what the models describe.
+        RequestValidationError: it is no JSON, or matches none of the models.
     """
     body = await request.body()
-    # A reader is not interrupted, and each name that is too many would be a fault to be told.
+    # The parser cannot be interrupted, and would report a fault for every surplus name.
     if body.count(b'"') > 2 * MOST_TEXTS:
         raise Problem("invalid-request", f"the JSON has more than {MOST_TEXTS} names and texts; send numbers as rows")
     try:
-        # Beside the event loop and straight from the bytes: many thousand rows would hold up everybody else's requests.
+        # In a thread and straight from the bytes: parsing thousands of rows must not block other requests.
         return await run_in_threadpool(models.validate_json, body)
     except ValidationError as error:
         faults = []
@@ -190,13 +190,13 @@ async def _asked(request: Request, models: TypeAdapter[Model]) -> Model:
 
 
 @router.post("/inverse", response_model=Solved, openapi_extra=_body(LayPoses, SprayPoses))
-def inverse(asked: Annotated[Poses, Depends(poses_asked)]) -> Response:
+def inverse(body: Annotated[Poses, Depends(parse_poses)]) -> Response:
     """Solve axis values for poses: place, normal out of the surface and, for the tape layer, direction of travel.
 
     Both branches of each pose, the turns of an axis chosen so that it is nearest to the middle of its travel.
     """
-    chain, machine = built_in_machines()[asked.machine], machine_of(asked.machine)
-    poses = _values(asked, [*PLACE, *_vector_columns(chain)])
+    chain, machine = built_in_machines()[body.machine], machine_of(body.machine)
+    poses = _values(body, [*PLACE, *_vector_columns(chain)])
     vectors = [_units(poses[:, first : first + 3]) for first in range(3, poses.shape[1], 3)]
     joints = chain.inverse(machine, poses[:, :3] * MM, *vectors)
     axes = [machine.axis(name) for name in chain.axes]
@@ -208,41 +208,41 @@ def inverse(asked: Annotated[Poses, Depends(poses_asked)]) -> Response:
     reached = np.all(np.isfinite(joints), axis=2)
     branches = [_rows(joints[i] / _scales(machine, chain.axes), reached[i]) for i in range(len(joints))]
     columns = _columns(machine, chain.axes)
-    return _answer(asked, columns, branches=branches, within_travel=np.all(inside, axis=0).tolist())
+    return _answer(body, columns, branches=branches, within_travel=np.all(inside, axis=0).tolist())
 
 
 @router.post("/forward", response_model=Placed, openapi_extra=_body(LayJoints, SprayJoints))
-def forward(asked: Annotated[Joints, Depends(joints_asked)]) -> Response:
+def forward(body: Annotated[Joints, Depends(parse_joints)]) -> Response:
     """Solve poses for axis values, in the columns that /inverse takes; all other axes stand at 0.
 
     The tape layer's place and vectors are those of the roller's nose, which is where the surface is, but where that
     climbs along the course: there it meets the round roller elsewhere, and the axis values are the same.
     """
-    chain, machine = built_in_machines()[asked.machine], machine_of(asked.machine)
-    values = _values(asked, _columns(machine, chain.axes)) * _scales(machine, chain.axes)
+    chain, machine = built_in_machines()[body.machine], machine_of(body.machine)
+    values = _values(body, _columns(machine, chain.axes)) * _scales(machine, chain.axes)
     joints = np.zeros((len(values), len(machine.axes)))
     joints[:, [machine.column(name) for name in chain.axes]] = values
-    frames = machine.forward(joints, asked.frame)
+    frames = machine.forward(joints, body.frame)
     rows = np.hstack([frames[:, :3, 3] / MM, *(frames[:, :3, axis] for axis in chain.vectors.values())])
-    return _answer(asked, [*PLACE, *_vector_columns(chain)], values=rows.tolist())
+    return _answer(body, [*PLACE, *_vector_columns(chain)], values=rows.tolist())
 
 
-def _values(asked: Poses | Joints, columns: Sequence[str]) -> Floats:
-    """The values (n, k) with their columns in this order."""
-    values = np.array(asked.values, dtype=np.float64).reshape(-1, len(columns))
-    names: list[str] = [*asked.axes]
+def _values(body: Poses | Joints, columns: Sequence[str]) -> Floats:
+    """Return the values (n, k) of a body with the columns in this order."""
+    values = np.array(body.values, dtype=np.float64).reshape(-1, len(columns))
+    names: list[str] = [*body.axes]
     return values[:, [names.index(name) for name in columns]]
 
 
 def _vector_columns(chain: BuiltIn) -> list[str]:
-    """Columns of a pose's unit vectors."""
+    """Return the column names of a pose's unit vectors."""
     return [f"{vector}{axis}" for vector in chain.vectors for axis in "xyz"]
 
 
 def _units(vectors: Floats) -> Floats:
-    """Unit vectors (n, 3) in the directions of vectors of any length; NaN for those of none."""
+    """Return vectors (n, 3) scaled to unit length; NaN for zero vectors."""
     with np.errstate(invalid="ignore"):
-        # Squares of tiny numbers would be zero.
+        # The squares of tiny numbers would underflow to zero.
         scaled = vectors / np.max(np.abs(vectors), axis=1)[:, None]
     units: Floats = scaled / np.linalg.norm(scaled, axis=1)[:, None]
     return units
@@ -253,7 +253,7 @@ def _columns(machine: Machine, axes: Sequence[str]) -> list[str]:
 
 
 def _scales(machine: Machine, axes: Sequence[str]) -> Floats:
-    """Metres and radians (k,) of one unit of each axis's column."""
+    """Return the factors (k,) from each axis's column unit, mm or degrees, to metres or radians."""
     return np.array([DEG if machine.axis(name).revolute else MM for name in axes])
 
 
@@ -264,7 +264,7 @@ def _rows(values: Floats, reached: Mask) -> list[list[float] | None]:
     return rows
 
 
-def _answer(asked: Poses | Joints, columns: Sequence[str], **results: Any) -> Response:
-    # Many thousand rows take no second way through a model.
-    answer = {"machine": asked.machine, "frame": asked.frame, "axes": columns, **results}
+def _answer(body: Poses | Joints, columns: Sequence[str], **results: Any) -> Response:
+    # Validating thousands of rows a second time would be slow.
+    answer = {"machine": body.machine, "frame": body.frame, "axes": columns, **results}
     return Response(to_json(answer), media_type="application/json")

@@ -1,4 +1,4 @@
-"""Problems: what a client is told when something cannot be done, as problem details (RFC 9457)."""
+"""Problems: the errors that the API answers, as problem details (RFC 9457)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from tapelayer.errors import InputFault, InputRefused, TapelayerError, Verificat
 from tapelayer.verification.failures import Findings
 
 MEDIA_TYPE = "application/problem+json"
-# A job's state is sent and stored often: a problem shows the first places, the report has them all.
+# A job's state is sent and stored often, so a problem lists only the first places; the report lists all.
 SHOWN_PLACES = 100
 
 
 @dataclass(frozen=True)
 class ProblemKind:
-    """What a code stands for.
+    """Meaning of a problem's code.
 
     Attributes:
-        status: of the response.
+        status: HTTP status of the response.
         title: the same for every problem with this code.
         meaning: what it means and what to do, in full sentences.
     """
@@ -32,7 +32,7 @@ class ProblemKind:
 
 
 CODES: dict[str, ProblemKind] = {
-    # What the library refuses; the code is the error's name.
+    # Refusals by the library; the code is the error's name.
     "input-refused": ProblemKind(422, "A file is refused", "The faults name each line and what is wrong with it."),
     "course-file-refused": ProblemKind(
         422, "The course file cannot be read", "The faults name each line and what is wrong with it; mend the file."
@@ -118,7 +118,7 @@ CODES: dict[str, ProblemKind] = {
     "serve-refused": ProblemKind(
         500, "The server cannot start", "An option or file that it was started with is wrong."
     ),
-    # What the server refuses.
+    # Refusals by the server.
     "not-found": ProblemKind(
         404, "There is no such thing", "Nothing has this address; a job may have expired or been removed."
     ),
@@ -155,7 +155,7 @@ CODES: dict[str, ProblemKind] = {
     "too-many-attempts": ProblemKind(
         429, "Too many wrong tokens", "Try again after the seconds in the header Retry-After."
     ),
-    # What became of a job.
+    # Outcomes of jobs.
     "job-not-finished": ProblemKind(409, "The job is under way", "Follow its events, and ask again when it is done."),
     "job-failed": ProblemKind(409, "The job failed", "The job has no such result; its error says why."),
     "program-withheld": ProblemKind(
@@ -176,7 +176,7 @@ CODES: dict[str, ProblemKind] = {
     ),
 }
 
-# What any route may answer, before it is asked or while it works.
+# Problems that any route may answer.
 EVERYWHERE = (
     "token-required",
     "wrong-token",
@@ -189,11 +189,11 @@ EVERYWHERE = (
 
 
 class Problem(Exception):
-    """Something that a client asked for cannot be done.
+    """A client's request cannot be fulfilled.
 
     Args:
         code: one of `CODES`.
-        detail: what is wrong this time, for the person who asked.
+        detail: what is wrong this time, for a person.
         headers: of the response.
         evidence: further members of the body.
     """
@@ -206,11 +206,11 @@ class Problem(Exception):
 
     @property
     def status(self) -> int:
-        """Status of the response."""
+        """HTTP status of the response."""
         return self.kind.status
 
     def body(self) -> dict[str, Any]:
-        """The problem as plain values for JSON."""
+        """Return the problem as plain values for JSON."""
         return {
             "type": f"/problems/{self.code}",
             "title": self.kind.title,
@@ -222,14 +222,14 @@ class Problem(Exception):
 
 
 def internal() -> Problem:
-    """A mistake of ours; its evidence has the `reference` under which the server's log tells more."""
+    """Return the problem for a bug of ours; its evidence has the `reference` to look up in the server's log."""
     reference = secrets.token_hex(4)
     sentence = f"something went wrong in the server; its log tells more under the reference {reference}"
     return Problem("internal", sentence, reference=reference)
 
 
 def responses(*codes: str) -> dict[int | str, dict[str, Any]]:
-    """What OpenAPI says of a route that may answer these problems, by status."""
+    """Return OpenAPI's descriptions of these problems as responses of a route, by status."""
     schema = {"$ref": "#/components/schemas/ProblemDetails"}
     by_status: dict[int | str, dict[str, Any]] = {}
     for code in codes:
@@ -240,7 +240,7 @@ def responses(*codes: str) -> dict[int | str, dict[str, Any]]:
 
 
 def problem_of(error: TapelayerError) -> Problem:
-    """An error of the library as a problem, with its faults or failures."""
+    """Return an error of the library as a problem, with its faults or failures."""
     evidence: dict[str, Any] = {}
     if isinstance(error, InputRefused):
         evidence["faults"] = [_fault(fault) for fault in error.faults[:SHOWN_PLACES]]
@@ -252,17 +252,17 @@ def problem_of(error: TapelayerError) -> Problem:
 
 
 def of_error(error: TapelayerError) -> dict[str, Any]:
-    """An error of the library as plain values for JSON."""
+    """Return an error of the library as plain values for JSON."""
     return problem_of(error).body()
 
 
 def code_of(error: type[TapelayerError]) -> str:
-    """The code of a class of errors: its name in lower case with hyphens."""
+    """Return the code of a class of errors: its name in lower case with hyphens."""
     return re.sub(r"(?<!^)(?=[A-Z])", "-", error.__name__).lower()
 
 
 def _fault(fault: InputFault) -> dict[str, Any]:
-    told: dict[str, Any] = {"line": fault.line, "column": fault.column, "sentence": fault.sentence}
+    values: dict[str, Any] = {"line": fault.line, "column": fault.column, "sentence": fault.sentence}
     if fault.place:
-        told["section"], told["key"] = fault.place[0], ".".join(fault.place[1:2])
-    return told
+        values["section"], values["key"] = fault.place[0], ".".join(fault.place[1:2])
+    return values

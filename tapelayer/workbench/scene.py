@@ -1,4 +1,4 @@
-"""Scene: what the page draws of a judged program, as files of single-precision numbers in millimetres and degrees."""
+"""Scene: the data from which the page draws a judged program, as files of float32 in millimetres and degrees."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.units import DEG, MM
 
-# Circular blocks are divided until a straight line is as near to them, metres.
+# Circular blocks are divided into chords that deviate from the arc by at most this, metres.
 ARC_TOLERANCE = 0.05e-3
 MOST_TRIANGLES = 4000
 
-# Kind of the row before the first block, behind those of `Kind`.
+# Kind of the row before the first block, numbered after those of `Kind`.
 START = len(Kind)
 
 
@@ -29,8 +29,8 @@ def files(scene: Scene, trajectory: Trajectory, machine: Machine) -> dict[str, b
 
     Args:
         scene: of the kind of machine.
-        trajectory: that was judged.
-        machine: that it moves.
+        trajectory: the judged trajectory.
+        machine: the machine that it moves.
     """
     rows = TrajectoryRows.of(trajectory, machine)
     tables = {
@@ -42,19 +42,19 @@ def files(scene: Scene, trajectory: Trajectory, machine: Machine) -> dict[str, b
     contents = {"blocks.json": json.dumps(rows.blocks(np.array(scene.numbers)), separators=(",", ":")).encode()}
     for name, table in tables.items():
         about = {"columns": table.columns, "rows": len(table.rows), **table.extra}
-        # Little-endian and row by row.
+        # Little-endian float32, row by row.
         contents |= {f"{name}.f32": table.rows.astype("<f4").tobytes(), f"{name}.json": json.dumps(about).encode()}
     return contents
 
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryRows:
-    """A trajectory row by row: the start, then every block's end, circular blocks in parts.
+    """A trajectory as rows: the start, then the end of every block, with circular blocks split into parts.
 
     Attributes:
         trajectory: the blocks.
         names: k columns with their units.
-        scales: (k,) of these units, from metres and radians.
+        scales: (k,) factors from metres and radians to these units.
         block: (n - 1,) block of each row but the first.
         spans: (n - 1,) seconds from the row before.
         times: (n,) seconds.
@@ -71,7 +71,7 @@ class TrajectoryRows:
 
     @classmethod
     def of(cls, trajectory: Trajectory, machine: Machine) -> TrajectoryRows:
-        """The rows of a trajectory."""
+        """Build the rows of a trajectory."""
         counts = _parts(trajectory)
         block = np.repeat(np.arange(len(counts)), counts)
         step = np.arange(len(block)) - (np.cumsum(counts) - counts)[block] + 1
@@ -96,52 +96,52 @@ class TrajectoryRows:
         )
 
     def poses(self) -> SceneTable:
-        """Axis values at each row; NaN while an axis is not stated yet."""
+        """Return the axis values at each row; NaN before an axis is first stated."""
         return SceneTable(("time_s", *self.names), np.column_stack([self.times, self.positions * self.scales]))
 
     def speeds(self) -> SceneTable:
-        """Speed of each axis, with its sign, on the way to each row; NaN where that is not known."""
-        ways = np.diff(self.positions, axis=0)
+        """Return the signed speed of each axis in the motion that ends at each row; NaN where it is unknown."""
+        steps = np.diff(self.positions, axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            speeds = np.where(ways == 0.0, 0.0, ways / np.where(self.spans > 0.0, self.spans, np.nan)[:, None])
+            speeds = np.where(steps == 0.0, 0.0, steps / np.where(self.spans > 0.0, self.spans, np.nan)[:, None])
         before = np.where(np.isnan(self.positions[:1]), np.nan, 0.0)
         return SceneTable(tuple(f"{name}_per_s" for name in self.names), np.vstack([before, speeds]) * self.scales)
 
     def blocks(self, numbers: Ints) -> dict[str, Any]:
-        """What each row belongs to.
+        """Return the line, course, kind and event of each row.
 
         Args:
             numbers: number of each course or pass, by its index.
         """
-        found, index = self.trajectory, self.trajectory.courses[self.block]
+        trajectory, index = self.trajectory, self.trajectory.courses[self.block]
         known = (index >= 0) & (index < len(numbers))
         courses = np.where(known, numbers[np.where(known, index, 0)], 0)
         return {
             "rows": len(self.times),
-            "lines": [0, *found.lines[self.block].tolist()],
+            "lines": [0, *trajectory.lines[self.block].tolist()],
             "courses": [0, *courses.tolist()],
-            "kinds": [START, *found.kinds[self.block].tolist()],
+            "kinds": [START, *trajectory.kinds[self.block].tolist()],
             "kind_names": [*(kind.name.lower() for kind in Kind), "start"],
-            "events": [int(Event.NONE), *found.events[self.block].tolist()],
+            "events": [int(Event.NONE), *trajectory.events[self.block].tolist()],
             "event_names": [event.name.lower() for event in Event],
         }
 
 
 def _parts(trajectory: Trajectory) -> Ints:
-    """Parts (n,) into which each block is divided."""
+    """Return the number (n,) of parts into which each block is divided."""
     counts = np.ones(len(trajectory), dtype=np.int64)
     circular = np.flatnonzero(np.isin(trajectory.kinds, (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     if len(circular):
         arcs = trajectory.arcs(circular)
-        # A chord of a share h of the block is no farther off than h^2 / 8 of the largest second derivative.
+        # A chord over a share h of the block deviates by at most h^2 / 8 times the largest second derivative.
         bend = np.max(arcs.radii, axis=0) * arcs.sweeps**2 + 2.0 * np.abs(np.diff(arcs.radii, axis=0)[0] * arcs.sweeps)
-        # Where an axis is not stated yet there is no circle.
+        # Before an axis is first stated, the circle is undefined (NaN).
         counts[circular] = np.maximum(np.ceil(np.sqrt(np.nan_to_num(bend) / (8.0 * ARC_TOLERANCE))), 1.0)
     return counts
 
 
 def part_table(mesh: Mesh) -> SceneTable:
-    """Corners of the facets of a mesh in `machine`, three rows a facet; made coarser where there are too many."""
+    """Return the corners of a mesh's facets in `machine` in mm, three rows a facet; large meshes are simplified."""
     vertices, facets = mesh.vertices, mesh.facets
     if len(facets) > MOST_TRIANGLES:
         vertices, facets = fast_simplification.simplify(

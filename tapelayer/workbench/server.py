@@ -1,6 +1,6 @@
-"""Server: the page, the API and the documents in one application, and how it is served.
+"""Server: the application with the page, the API and its documentation, and the loop that serves it.
 
-The library's rooms take a second to import. What the first view needs answers at once; the rest waits for them.
+The library takes a second to import. Requests of the page's first view are answered at once; all others wait for it.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ from tapelayer.workbench.store import Store
 STATIC = Path(__file__).parent / "static"
 HEALTH = "/healthz"
 EVERY_ADDRESS = ("0.0.0.0", "::")
-# Each of these rooms has a `router`.
+# Each of these modules has a `router`; importing them imports the library.
 ROOMS = ("api", "catalogue", "kinematics")
-# An answer under way may be finished after SIGTERM; nothing holds the process for longer than the second.
+# After SIGTERM, answers under way may take GRACE_SECONDS; after END_SECONDS the process exits in any case.
 GRACE_SECONDS = 2
 END_SECONDS = 4.5
 SHOWN_FAULTS = 20
@@ -92,15 +92,15 @@ PROBLEM_PAGE = """<!doctype html>
 
 @dataclass(frozen=True)
 class Settings:
-    """How the workbench is served.
+    """Settings of the server.
 
     Attributes:
         work: the work directory.
-        limits: what jobs may take.
-        host: address it listens on.
-        allowed_hosts: further names that it goes by.
-        token: what clients have to know; None lets everybody in who reaches it.
-        max_upload_mb: size of a request with files.
+        limits: on jobs.
+        host: address to listen on.
+        allowed_hosts: further host names of the server.
+        token: secret that clients must send; None lets everybody in who can reach the server.
+        max_upload_mb: largest size of a request with files.
         certificate: files of the TLS certificate and its key; None for plain HTTP.
     """
 
@@ -113,7 +113,7 @@ class Settings:
     certificate: tuple[Path, Path] | None = None
 
     def access(self) -> Access:
-        """What is let in."""
+        """Return the rules for which requests are let in."""
         names = {self.host, *self.allowed_hosts} - set(EVERY_ADDRESS)
         files = {f"/{path.relative_to(STATIC).as_posix()}" for path in STATIC.rglob("*") if path.is_file()}
         return Access(
@@ -146,27 +146,27 @@ class SignIn(BaseModel):
 
 
 class Loading:
-    """Middleware that lets a request wait for the rooms that answer it.
+    """Middleware that delays requests until the modules that answer them are imported.
 
     Args:
-        app: what is waited for.
-        light: paths that are answered without them.
+        app: the application whose requests are delayed.
+        light: paths that need no import.
     """
 
     def __init__(self, app: ASGIApp, light: frozenset[str]) -> None:
         self.app, self.light = app, light
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let one connection in when it can be answered."""
+        """Pass one connection on once it can be answered."""
         path = scope.get("path", "/")
         if path not in self.light and not path.startswith(PROBLEMS):
-            # A client that goes away must not end the loading for all.
+            # A client that disconnects must not cancel the import for everybody.
             await asyncio.shield(scope["app"].state.loading)
         await self.app(scope, receive, send)
 
 
 def create_app(settings: Settings) -> FastAPI:
-    """The application; it holds the work directory from now on until its lifespan ends.
+    """Create the application, which locks the work directory until its lifespan ends.
 
     Raises:
         WorkDirectoryRefused: the directory cannot be used, or another server uses it.
@@ -208,7 +208,7 @@ def create_app(settings: Settings) -> FastAPI:
 
 
 def _front() -> APIRouter:
-    """The routes that need nothing of the library."""
+    """Return the routes that do not need the library."""
     router = APIRouter(responses=responses(*EVERYWHERE))
     router.add_api_route(HEALTH, health, tags=["server"])
     router.add_api_route(SESSION, session, tags=["session"])
@@ -219,7 +219,7 @@ def _front() -> APIRouter:
 
 
 def answer_problems(app: FastAPI) -> None:
-    """Let an application tell what its routes refuse, and what the framework does, as problem details."""
+    """Make an application answer refusals, its own and the framework's, as problem details."""
     app.add_exception_handler(Problem, _problem)
     app.add_exception_handler(TapelayerError, _refused)
     app.add_exception_handler(RequestValidationError, _invalid)
@@ -254,12 +254,12 @@ async def sign_out(request: Request) -> Response:
 
 
 async def docs() -> HTMLResponse:
-    """The API's description as a page."""
+    """Show the API's description as a page."""
     return HTMLResponse(DOCS_PAGE)
 
 
 async def meaning(code: str) -> HTMLResponse:
-    """What a problem's code means."""
+    """Show the meaning of a problem's code as a page."""
     if code not in CODES:
         raise Problem("not-found", f"{code[:100]!r} is not the code of a problem")
     kind = CODES[code]
@@ -268,21 +268,21 @@ async def meaning(code: str) -> HTMLResponse:
 
 
 def serve(settings: Settings, port: int, open_page: bool) -> None:
-    """Serve until a signal ends it.
+    """Serve until a signal arrives.
 
     Args:
-        settings: how.
+        settings: of the server.
         port: 0 for any free one.
         open_page: open the page in a browser.
 
     Raises:
-        TapelayerError: it cannot be served so.
+        TapelayerError: the server cannot start with these settings.
     """
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     if settings.certificate:
         _check_certificate(*settings.certificate)
     listening = _listening(settings.host, port)
-    # uvicorn raises the signal once more when it has ended.
+    # uvicorn re-raises the signal after its shutdown.
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))
     try:
         app = create_app(settings)
@@ -307,13 +307,13 @@ def serve(settings: Settings, port: int, open_page: bool) -> None:
 
 
 class _Server(uvicorn.Server):
-    """uvicorn with a prompt end, event streams included.
+    """uvicorn with a prompt shutdown, even while event streams are open.
 
     Args:
         config: of uvicorn.
         foreman: ends the streams when it stops.
         address: of the page.
-        open_page: open it in a browser.
+        open_page: open the page in a browser.
     """
 
     def __init__(self, config: uvicorn.Config, foreman: Foreman, address: str, open_page: bool) -> None:
@@ -321,19 +321,19 @@ class _Server(uvicorn.Server):
         self._foreman, self._address, self._open_page = foreman, address, open_page
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start, and say where."""
+        """Start, and print the page's address."""
         await super().startup(sockets)
         Console().print(f"workbench: {self._address} (Ctrl+C ends it)", highlight=False, soft_wrap=True)
         if self._open_page:
             threading.Thread(target=webbrowser.open, args=(self._address,), daemon=True).start()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """End the jobs, then what waits for them."""
+        """Stop the jobs, then the connections that wait for them."""
         await self._foreman.stop()
         await super().shutdown(sockets)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """End, whatever may still be under way then."""
+        """Shut down, and force the process to exit if that takes longer than `END_SECONDS`."""
         super().handle_exit(sig, frame)
         last = threading.Timer(END_SECONDS, os._exit, (1,))
         last.daemon = True
@@ -341,9 +341,9 @@ class _Server(uvicorn.Server):
 
 
 async def _load(app: FastAPI) -> None:
-    """Take in the routes of the rooms that import the library."""
-    for room in ROOMS:
-        module = await asyncio.to_thread(import_module, f"tapelayer.workbench.{room}")
+    """Add the routes of the modules that import the library."""
+    for name in ROOMS:
+        module = await asyncio.to_thread(import_module, f"tapelayer.workbench.{name}")
         app.include_router(module.router)
 
 
@@ -366,38 +366,38 @@ async def _invalid(request: Request, error: Exception) -> Response:
 
 
 async def _http(request: Request, error: Exception) -> Response:
-    """What the framework itself answers, in our words."""
+    """Return the framework's own errors as problems."""
     assert isinstance(error, HTTPException)
-    # A body that is too large shows while the framework reads it.
+    # Our problem for a body that is too large, raised while the framework reads it.
     if isinstance(error.__cause__, Problem):
         return problem_response(error.__cause__)
-    asked = f"{request.method} {request.url.path[:200]}"
+    request_line = f"{request.method} {request.url.path[:200]}"
     if error.status_code in (401, 404):
         return problem_response(Problem("not-found", f"there is nothing at {request.url.path[:200]}"))
     if error.status_code == 405:
         allowed = (error.headers or {}).get("Allow", "")
-        detail = f"{asked}: this address allows {allowed}"
+        detail = f"{request_line}: this address allows {allowed}"
         return problem_response(Problem("method-not-allowed", detail, {"Allow": allowed}))
-    return problem_response(Problem("invalid-request", f"{asked}: {error.detail}"))
+    return problem_response(Problem("invalid-request", f"{request_line}: {error.detail}"))
 
 
 def _place(location: Sequence[str | int]) -> str:
-    """Where in a request something stands, as in values[3][0]."""
+    """Return a location in a request as text, as in values[3][0]."""
     parts = location[1:] if location[0] in ("body", "query", "path", "header", "cookie") and location[1:] else location
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
 
 
 def _listening(host: str, port: int) -> socket.socket:
-    """A socket that listens.
+    """Return a listening socket.
 
     Raises:
-        ServeRefused: the address or the port cannot be had.
+        ServeRefused: the address or the port is not available.
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         return socket.create_server((host, port), family=family)
     except OSError as error:
-        # The system's words, without the address that Python adds to them.
+        # The system's message without the address that Python appends.
         reason = str(error.strerror or error).partition(" (while")[0]
         advice = "stop what uses it, or choose another with --port; 0 takes any free one"
         raise ServeRefused(f"cannot listen on port {port} of {host}: {reason.lower()}; {advice}") from None
@@ -407,7 +407,7 @@ def _check_certificate(certificate: Path, key: Path) -> None:
     """Refuse a certificate and key that TLS cannot use.
 
     Raises:
-        ServeRefused: they are missing, wrong, do not belong together, or want a passphrase.
+        ServeRefused: they are missing, wrong, do not belong together, or need a passphrase.
     """
     try:
         ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key, lambda: "")
@@ -418,7 +418,7 @@ def _check_certificate(certificate: Path, key: Path) -> None:
 
 
 def _address(settings: Settings, listening: socket.socket) -> str:
-    """Where the page is, as somebody at this machine reaches it."""
+    """Return the page's address for a browser on this machine."""
     host = "localhost" if settings.host in EVERY_ADDRESS else settings.host
     scheme = "https" if settings.certificate else "http"
     return f"{scheme}://{f'[{host}]' if ':' in host else host}:{listening.getsockname()[1]}/"

@@ -1,12 +1,12 @@
-"""Store: the jobs of a work directory, an SQLite index with a folder a job; it survives a restart and a power cut.
+"""Store: the jobs of a work directory, as an SQLite index and a folder per job, safe across restarts and power cuts.
 
     WORK/lock            held while a server uses the directory
-    WORK/index.sqlite    a row a job
-    WORK/jobs/<id>/      its files
-    WORK/staging/<x>/    uploads that are no job yet
-    WORK/trash/<x>/      folders on their way out
+    WORK/index.sqlite    one row per job
+    WORK/jobs/<id>/      files of a job
+    WORK/staging/<x>/    uploads that are not yet a job
+    WORK/trash/<x>/      folders being deleted
 
-Folders move by a rename before or after their row changes, so that whatever a crash leaves is found at the next start.
+A folder is renamed before its row is added or deleted, so that the next start can clean up after a crash.
 """
 
 from __future__ import annotations
@@ -56,21 +56,21 @@ CREATE TABLE jobs (
 
 @dataclass(frozen=True)
 class Record:
-    """A job as the index has it.
+    """A job as recorded in the index.
 
     Attributes:
         id: 32 hexadecimal digits, 128 random bits.
-        owner: hash of its owner's key.
+        owner: hash of the owner's key.
         kind: lay or spray.
         name: of the uploaded file, for people.
-        state: what has become of it.
-        stage: what is under way, or was when it ended; empty before it began.
+        state: current state.
+        stage: current stage, or the last one if the job has ended; empty before it starts.
         progress: 0 to 1.
         created_at: RFC 3339, UTC.
-        finished_at: likewise; None while it is not finished.
-        request: what was asked for, as in request.json.
-        summary: of what was made; None where nothing was.
-        error: problem details; None where there is none.
+        finished_at: likewise; None until the job has ended.
+        request: the submitted request, as in request.json.
+        summary: of the results; None if there are none.
+        error: problem details; None if there is no error.
     """
 
     id: str
@@ -88,7 +88,7 @@ class Record:
 
     @property
     def ended(self) -> bool:
-        """Whether its state will not change any more."""
+        """Whether the state is final."""
         return self.state not in ("queued", "running")
 
 
@@ -96,10 +96,10 @@ COLUMNS = ", ".join(field.name for field in fields(Record))
 
 
 class Store:
-    """Jobs of a work directory, which one server at a time may use.
+    """Jobs of a work directory, which only one server at a time may use.
 
     Args:
-        work: the directory; it is made where it is missing.
+        work: the directory; created if missing.
 
     Raises:
         WorkDirectoryRefused: it cannot be used, or another server uses it.
@@ -108,11 +108,11 @@ class Store:
     def __init__(self, work: Path) -> None:
         self.work = work.resolve()
         self._jobs, self._staging, self._trash = (self.work / name for name in ("jobs", "staging", "trash"))
-        # Steps of progress are many and worthless after a restart: they stay out of the index.
+        # Progress changes often and means nothing after a restart, so it is not written to the index.
         self._steps: dict[str, tuple[str, float]] = {}
         self._guard = threading.RLock()
         try:
-            # What users send is nobody else's on this machine.
+            # Other users of this machine must not read the uploads.
             if not self.work.exists():
                 self.work.mkdir(mode=0o700, parents=True)
             for folder in (self._jobs, self._staging, self._trash):
@@ -128,28 +128,28 @@ class Store:
             raise
 
     def close(self) -> None:
-        """Let another server use the directory."""
+        """Release the directory for another server."""
         with self._guard:
             self._index.close()
             self._lock.close()
 
     def stage(self) -> Path:
-        """A new empty folder for uploads, on the disk of the jobs."""
+        """Create an empty folder for uploads, on the same disk as the jobs."""
         folder = self._staging / secrets.token_hex(16)
         folder.mkdir()
         return folder
 
     def create(self, owner: str, request: Mapping[str, Any], staged: Path) -> Record:
-        """A new queued job.
+        """Create a queued job.
 
         Args:
-            owner: hash of its owner's key.
-            request: what is asked for, with at least `kind` and `name`; becomes request.json.
-            staged: folder of `stage` with the uploads, which becomes the job's.
+            owner: hash of the owner's key.
+            request: with at least `kind` and `name`; written to request.json.
+            staged: folder from `stage` with the uploads, which becomes the job's.
 
         Raises:
             TargetNotWritable: the disk is full.
-            Problem: likewise, as the index finds it.
+            Problem: likewise, if writing the index fails.
         """
         record = Record(
             id=secrets.token_hex(16),
@@ -166,7 +166,7 @@ class Store:
             error=None,
         )
         write_request(staged, request)
-        # A job whose row is kept must not find half a file after a power cut.
+        # After a power cut, a job whose row survived must not have a partial file.
         _flush(staged, *staged.rglob("*"))
         staged.rename(self.folder(record.id))
         _flush(self._jobs)
@@ -180,26 +180,26 @@ class Store:
         return record
 
     def folder(self, job: str) -> Path:
-        """Folder of a job's files."""
+        """Return the folder of a job's files."""
         return self._jobs / job
 
     def get(self, job: str) -> Record:
-        """A job by its id.
+        """Return a job by its id.
 
         Raises:
             Problem: there is no such job.
         """
-        found = self._select("WHERE id = ?", job)
-        if not found:
+        records = self._select("WHERE id = ?", job)
+        if not records:
             raise Problem("not-found", f"there is no job {job[:40]}; it may have expired or been removed")
-        return found[0]
+        return records[0]
 
     def of_owner(self, owner: str) -> list[Record]:
-        """An owner's jobs, the newest first."""
+        """Return an owner's jobs, newest first."""
         return self._select("WHERE owner = ? ORDER BY number DESC", owner)
 
     def begin(self, job: str) -> Record:
-        """Say that a job runs; one that has ended meanwhile stays as it is.
+        """Mark a queued job as running; a job that has ended meanwhile stays as it is.
 
         Raises:
             Problem: there is no such job, or the disk is full.
@@ -209,13 +209,13 @@ class Store:
             return self.get(job)
 
     def advance(self, job: str, stage: str, progress: float) -> None:
-        """Say how far a running job is, without waiting for the disk."""
+        """Record the progress of a running job, in memory only."""
         self._steps[job] = (stage, progress)
 
     def finish(
         self, job: str, state: Ending, summary: Mapping[str, Any] | None, error: Mapping[str, Any] | None
     ) -> Record:
-        """Say how a job ended.
+        """Record how a job ended.
 
         Raises:
             Problem: there is no such job, or the disk is full.
@@ -232,7 +232,7 @@ class Store:
             return self.get(job)
 
     def delete(self, job: str) -> None:
-        """Remove a job that does not run, with its files.
+        """Remove a job that is not running, with its files.
 
         Raises:
             Problem: there is no such job, or the disk is full.
@@ -240,7 +240,7 @@ class Store:
         self._remove([self.get(job).id])
 
     def expire(self, keep_days: float) -> int:
-        """Remove the jobs that ended more than so many days ago; the number of them.
+        """Remove the jobs that ended more than `keep_days` ago, and return how many there were.
 
         Raises:
             Problem: the disk is full.
@@ -251,9 +251,9 @@ class Store:
         return len(old)
 
     def recover(self) -> list[Record]:
-        """Put right what the last server left; the queued jobs, the oldest first.
+        """Clean up after the last server, and return the queued jobs, oldest first.
 
-        Jobs that ran have failed, and what has a row or a folder only is removed.
+        Jobs that were running are marked as failed; a row without a folder, or a folder without a row, is removed.
         """
         with self._guard:
             for record in self._select("WHERE state = 'running'"):
@@ -267,9 +267,9 @@ class Store:
             return self._select("WHERE state = 'queued' ORDER BY number")
 
     def _remove(self, jobs: Collection[str]) -> None:
-        """Remove files, then rows: what is removed from a full disk makes room for the change of the index.
+        """Remove files, then rows, so that on a full disk the files free the space that the index needs.
 
-        A folder that cannot be removed waits in the trash for a restart.
+        A folder that cannot be removed stays in the trash until the next start.
         """
         for job in jobs:
             gone = self._trash / secrets.token_hex(16)
@@ -281,10 +281,10 @@ class Store:
 
     @contextmanager
     def _change(self) -> Iterator[sqlite3.Connection]:
-        """The index, for a change that is made as a whole or not at all.
+        """Yield the index inside a transaction.
 
         Raises:
-            Problem: it cannot be made.
+            Problem: the index cannot be written.
         """
         try:
             with self._guard, self._index as index:
@@ -316,8 +316,8 @@ class Store:
             raise self._refused(str(error.strerror).lower()) from None
 
     def _opened(self) -> sqlite3.Connection:
-        """The index, made where it is missing."""
-        # The guard lets one thread at a time use the connection.
+        """Open the index; create it if missing."""
+        # The guard ensures that only one thread at a time uses the connection.
         index = sqlite3.connect(self.work / "index.sqlite", isolation_level=None, check_same_thread=False)
         try:
             index.execute("PRAGMA journal_mode = WAL")
@@ -342,7 +342,7 @@ class Store:
 
 
 def write_request(folder: Path, request: Mapping[str, Any]) -> None:
-    """Write what is asked for into a folder of uploads, where a worker reads it.
+    """Write request.json, which a worker reads, into a folder of uploads.
 
     Raises:
         TargetNotWritable: the disk is full.
@@ -351,7 +351,7 @@ def write_request(folder: Path, request: Mapping[str, Any]) -> None:
 
 
 def _flush(*paths: Path) -> None:
-    """Have files and folders written to the disk."""
+    """Flush files and folders to the disk."""
     for path in paths:
         handle = os.open(path, os.O_RDONLY)
         try:
@@ -365,7 +365,7 @@ def _now() -> str:
 
 
 def _stamp(moment: datetime) -> str:
-    """A moment in UTC as RFC 3339; always as many characters, so that text sorts as time does."""
+    """Return a moment in UTC as RFC 3339 of fixed length, so that the texts sort by time."""
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 

@@ -1,6 +1,6 @@
-"""Submission: what came with a request, checked, and laid out as the folder from which a worker makes the job.
+"""Submission: the checks of a request's form, and the folder that a worker then reads it from.
 
-Nothing that came over HTTP names a file of the server: a setup's files are built-ins, or came with the request.
+A request cannot name files of the server: the files that a setup names are built in, or were sent with the request.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ LARGEST_URDF = 10 * 2**20
 
 
 def job_request(form: Form, folder: Path) -> dict[str, Any]:
-    """What a job's form asks for, its folder ready for a worker.
+    """Return the request in a job's form, and prepare its folder for a worker.
 
     Args:
         form: with `JOB_FIELDS`.
         folder: with the form's files.
 
     Raises:
-        Problem: a field is missing or wrong, or the setup names what did not come along.
+        Problem: a field is missing or wrong, or the setup names a file that was not sent.
         SetupRefused: the setup has faults.
     """
     request = _request(form, folder)
@@ -61,7 +61,7 @@ def job_request(form: Form, folder: Path) -> dict[str, Any]:
 
 
 def verify_request(form: Form, folder: Path) -> dict[str, Any]:
-    """What the form of a program that is to be judged asks for, its folder ready for a worker.
+    """Return the request in the form of a program to judge, and prepare its folder for a worker.
 
     Args:
         form: with `VERIFY_FIELDS`.
@@ -85,7 +85,7 @@ def verify_request(form: Form, folder: Path) -> dict[str, Any]:
 
 
 def _request(form: Form, folder: Path) -> dict[str, Any]:
-    """What both forms ask for, with the source and the setup where the worker looks for them."""
+    """Return what both forms have in common, and put the source and the setup where the worker reads them."""
     if "file" not in form.names:
         raise invalid("file: is missing; send the course file or the STL as a file")
     kind = cast(KindName, _chosen(form, "kind", NAMES, ""))
@@ -106,7 +106,7 @@ def _check_field(field: str, what: str, given: Collection[str], name: KindName) 
 
 
 def _setup(form: Form, name: KindName) -> str:
-    """The setup of the job as TOML: the control that the form names is in it, and the built-in machine is not named."""
+    """Return the job's setup as TOML, with the form's controller put in and the name of a built-in machine left out."""
     kind = kind_of(name)
     data, file = bytes(form.texts.get("setup", b"")), form.names.get("setup", "setup")
     setup = parse_setup(data, file, kind.setup)
@@ -142,7 +142,7 @@ def _check_name(place: str, name: str, built_in: Collection[str], parts: Collect
 
 
 def _check_urdf(path: Path, name: str, parts: Mapping[str, Path]) -> None:
-    """Refuse XML that does more than describe, and meshes that did not come along."""
+    """Refuse XML with a document type or entities, and names of meshes that were not sent."""
     size = path.stat().st_size
     if size > LARGEST_URDF:
         raise Problem("upload-too-large", f"{name}: has {size} bytes, a URDF may have {LARGEST_URDF}")
@@ -164,7 +164,7 @@ def _check_urdf(path: Path, name: str, parts: Mapping[str, Path]) -> None:
 
 
 def _chosen(form: Form, name: str, choices: Collection[str], default: str) -> str:
-    """A field that has few values; without a default, it must be there."""
+    """Return the value of a field with a few choices; if the default is not among them, the field is required."""
     value = form.text(name, default)
     if value not in choices:
         given = f"got {shown(value)}" if name in form.texts else "it is missing"

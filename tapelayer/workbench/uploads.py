@@ -1,4 +1,4 @@
-"""Uploads: a multipart form, written part by part into a folder while it arrives."""
+"""Uploads: multipart forms, written to a folder part by part while they arrive."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from tapelayer.workbench.problems import Problem
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks
 
-# text: a value, kept in memory. file: one file. files: any number, each with a plain name of its own.
+# text: a value, kept in memory. file: one file. files: any number of files with distinct plain names.
 Sort = Literal["text", "file", "files"]
 
 MOST_PARTS = 100
 LONGEST_TEXT = 1 << 20
 LONGEST_NAME = 200
-# Control and format characters, halves of pairs, ends of lines and paragraphs.
+# Control and format characters, surrogates, line and paragraph separators.
 HIDDEN = ("Cc", "Cf", "Cs", "Zl", "Zp")
 PLAIN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
 @dataclass(frozen=True)
 class Form:
-    """What a form held.
+    """Contents of a form.
 
     Attributes:
         texts: values by field.
-        names: display names of files by field, and of texts that came as a file.
-        files: paths of the files of a field of sort `files` by their plain names.
+        names: display names of files by field, including texts sent as a file.
+        files: paths of the files in a field of sort `files`, by their plain names.
     """
 
     texts: dict[str, bytearray] = field(default_factory=dict)
@@ -48,7 +48,7 @@ class Form:
     files: dict[str, Path] = field(default_factory=dict)
 
     def text(self, name: str, default: str) -> str:
-        """A field's value, or what it is where the form has none.
+        """Return a field's value, or the default if the form does not have the field.
 
         Raises:
             Problem: it is no UTF-8.
@@ -60,15 +60,15 @@ class Form:
 
 
 async def receive(request: Request, folder: Path, fields: Mapping[str, Sort]) -> Form:
-    """Form of a request: files go to FOLDER/field, files with plain names to FOLDER/field/name.
+    """Receive the form of a request; write a single file to FOLDER/field, files with plain names to FOLDER/field/name.
 
     Args:
         request: with the form as its body, not read yet.
         folder: an empty folder.
-        fields: sort of each field that there may be.
+        fields: sort of each allowed field.
 
     Raises:
-        Problem: no form, more than it may hold, a name that is not allowed, or no room on the disk.
+        Problem: the body is no form or exceeds a limit, a name is not allowed, or the disk is full.
     """
     kind, options = parse_options_header(request.headers.get("content-type"))
     if kind != b"multipart/form-data" or b"boundary" not in options:
@@ -93,11 +93,11 @@ async def receive(request: Request, folder: Path, fields: Mapping[str, Sort]) ->
 
 
 class _Parts:
-    """What the parser calls for each part of a form.
+    """Callbacks of the parser, which build the form.
 
     Args:
-        folder: where files go.
-        fields: sort of each field that there may be.
+        folder: destination of files.
+        fields: sort of each allowed field.
         files: closes the files.
     """
 
@@ -111,7 +111,7 @@ class _Parts:
         self._target: BinaryIO | None = None
 
     def callbacks(self) -> MultipartCallbacks:
-        """The parser's names of what is here."""
+        """Return the callbacks by the parser's names for them."""
         return {
             "on_part_begin": self._begin,
             "on_header_field": self._on_header,
@@ -141,7 +141,7 @@ class _Parts:
         self._header = self._value = b""
 
     def _open(self) -> None:
-        """Begin with a part whose headers are known."""
+        """Begin a part once its headers are known."""
         _, options = parse_options_header(self._disposition)
         name = self._field = options.get(b"name", b"").decode("utf-8", "replace")
         file = options.get(b"filename")
@@ -164,7 +164,7 @@ class _Parts:
             self._target = self._files.enter_context((self._folder / name).open("xb"))
 
     def _part(self, file: bytes) -> BinaryIO:
-        """A file with a plain name of its own."""
+        """Open the target of a file with a plain name."""
         name = file.decode("utf-8", "replace")
         if not PLAIN_NAME.fullmatch(name):
             raise Problem(
@@ -173,7 +173,7 @@ class _Parts:
                 "at most 100, the first a letter or digit",
             )
         path = self._folder / self._field / name
-        # Two names that differ in case alone are one file on some disks.
+        # Names that differ only in case are the same file on some file systems.
         if name.lower() in map(str.lower, self.form.files):
             raise invalid(f"{self._field}: there are two files {name}; give each a name of its own")
         path.parent.mkdir(exist_ok=True)
@@ -198,14 +198,14 @@ class _Parts:
 
 
 def display_name(file: bytes) -> str:
-    """The name by which people know an uploaded file: the last part of what its sender calls it; never a path.
+    """Return the name of an uploaded file for people: the last part of the sent name, never a path.
 
     Raises:
         Problem: it is no UTF-8, empty or too long, or has control characters.
     """
     try:
         name = file.decode()
-        # .NET sends a name that is not ASCII as an encoded word (RFC 2047).
+        # .NET sends non-ASCII names as encoded words (RFC 2047).
         if name.startswith("=?"):
             name = str(email.header.make_header(email.header.decode_header(name)))
     except (UnicodeError, LookupError, email.errors.MessageError):
@@ -221,10 +221,10 @@ def display_name(file: bytes) -> str:
 
 
 def shown(text: str) -> str:
-    """A text that anybody may have sent, as messages show it."""
+    """Return untrusted text quoted and shortened for a message."""
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
 def invalid(sentence: str) -> Problem:
-    """What is wrong with a form."""
+    """Return the problem for an invalid form."""
     return Problem("invalid-request", sentence)

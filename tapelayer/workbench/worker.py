@@ -1,12 +1,12 @@
-"""Worker: the process of one job; it reads one order from its stdin and says on its stdout how the job goes.
+"""Worker: the process of one job, which reads one order from stdin and reports progress and outcome on stdout.
 
     in    {"folder": "WORK/jobs/<id>", "memory_bytes": 8589934592}
     out   {"ready": true}
           {"stage": "planning", "progress": 0.42}
           {"state": "done", "summary": {...}, "error": null}   or   {"state": "failed", "summary": ..., "error": {...}}
 
-The library is imported before the order is read, so that a job need not wait for it. The end of stdin is the end of the
-server, and of the worker.
+The library is imported before the order is read, so that a job need not wait for it. The end of stdin means that the
+server has ended, and ends the worker too.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from tapelayer.workbench.problems import Problem
 
 Say = Callable[[Mapping[str, Any]], None]
 
-LINE_SECONDS = 0.05  # at least, between two lines about the same stage
+LINE_SECONDS = 0.05  # shortest time between two lines about the same stage
 
 
 class Stages:
-    """What is under way, as one progress from 0 to 1 that never goes back.
+    """Progress over all stages of a job, from 0 to 1 and never decreasing.
 
     Args:
-        say: who is told.
+        say: called with each message.
         weights: of the stages of the job, in their order.
     """
 
@@ -51,7 +51,7 @@ class Stages:
         self._say = say
         whole = sum(weights.values())
         ends = accumulate(weights.values())
-        # Where each stage begins, and its share.
+        # Begin and share of each stage in the whole.
         self._spans = {
             stage.name: ((end - weight) / whole, weight / whole)
             for (stage, weight), end in zip(weights.items(), ends, strict=True)
@@ -59,12 +59,12 @@ class Stages:
         self._stage, self._ticks, self._done, self._said_at = "", 1, 0, 0.0
 
     def begin(self, step: str, ticks: int | None = None) -> None:
-        """Go on to a stage, of so many ticks where they are known."""
+        """Begin a stage, with its number of ticks if that is known."""
         self._stage, self._ticks, self._done = step, max(ticks or 1, 1), 0
         self._tell()
 
     def tick(self) -> None:
-        """One more is done."""
+        """Count one more tick as done."""
         self._done = min(self._done + 1, self._ticks)
         if time.monotonic() - self._said_at >= LINE_SECONDS:
             self._tell()
@@ -76,7 +76,7 @@ class Stages:
 
 
 def carry_out(folder: Path, say: Say) -> dict[str, Any]:
-    """Do the job of a folder; the last message about it.
+    """Do the job of a folder and return the last message about it.
 
     Raises:
         TapelayerError: the job cannot be done.
@@ -85,7 +85,7 @@ def carry_out(folder: Path, say: Say) -> dict[str, Any]:
     verifying = request["kind"] == "verify"
     kind = kind_of(request["of"] if verifying else request["kind"])
     stages = Stages(say, kind.judging if verifying else kind.making)
-    # A setup names the files that came with the job as they stand there.
+    # The names of files in a setup are relative to this folder.
     parts = folder / "parts"
     parts.mkdir(exist_ok=True)
     os.chdir(parts)
@@ -110,20 +110,20 @@ def carry_out(folder: Path, say: Say) -> dict[str, Any]:
         contents |= drawn | _results(folder, job, result)
     _save(folder / "out", contents)
     summary = _summary(kind, job, result, report)
-    # Who asks for a verdict gets one, good or bad; who asks for a program gets a good one or none.
+    # A failed verdict is a valid result of judging a program, but a failure of making one.
     if result.failure and not verifying:
         return _failed(problems.of_error(result.failure), summary)
     return {"state": "done", "summary": summary, "error": None}
 
 
 def answer(folder: Path, say: Say) -> dict[str, Any]:
-    """The last message about the job of a folder, whatever becomes of it."""
+    """Do the job of a folder and return the last message about it, even if it fails."""
     try:
         return carry_out(folder, say)
     except TapelayerError as error:
         return _failed(problems.of_error(error), None)
     except MemoryError:
-        # What filled the memory is held by the frames of the error, and goes with it.
+        # The frames of the error hold the memory; leaving this block releases it before the message is built.
         pass
     except Exception:
         problem = problems.internal()
@@ -135,7 +135,7 @@ def answer(folder: Path, say: Say) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Read the order, do the job, say how it goes, and end."""
+    """Read the order, do the job, report on it, and exit."""
     say = _speaker()
     kinds()
     say({"ready": True})
@@ -146,12 +146,12 @@ def main() -> None:
     order = json.loads(line)
     _limit_memory(order["memory_bytes"])
     say(answer(Path(order["folder"]), say))
-    # The big things need not be taken apart one by one.
+    # Skip the slow teardown of large objects.
     os._exit(0)
 
 
 def _results(folder: Path, job: MachineJob[Any, Any], result: JobResult[Any]) -> dict[str, bytes]:
-    """Files by name of what was made: the program only where it may be used."""
+    """Return the result files by name; the program only if verification passed it."""
     contents = {
         "setup.toml": (folder / "setup.toml").read_bytes(),
         "machine.urdf": job.machine.path.read_bytes(),
@@ -163,7 +163,7 @@ def _results(folder: Path, job: MachineJob[Any, Any], result: JobResult[Any]) ->
 
 
 def _save(folder: Path, contents: Mapping[str, bytes]) -> None:
-    """Write the results together; a message about one names it without the server's folders."""
+    """Write the results together, by relative paths, so that error messages do not show the server's folders."""
     folder.mkdir(exist_ok=True)
     os.chdir(folder)
     write_files({Path(name): data for name, data in contents.items()})
@@ -187,7 +187,7 @@ def _failed(error: Mapping[str, Any], summary: Mapping[str, Any] | None) -> dict
 
 
 def _speaker() -> Say:
-    """Who writes to stdout, which from now on is nobody else's: what prints by mistake prints to stderr."""
+    """Return a function that writes messages to stdout, and redirect all other output to stderr."""
     stream = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
 
@@ -199,9 +199,9 @@ def _speaker() -> Say:
 
 
 def _limit_memory(size: int) -> None:
-    """Limit what this process may take, in bytes, within what the system gives to it."""
+    """Limit the address space of this process to so many bytes, or to the system's hard limit if that is lower."""
     most = resource.getrlimit(resource.RLIMIT_AS)[1]
-    # The system's own "no limit" is -1.
+    # RLIM_INFINITY is -1, so compare as unsigned numbers.
     resource.setrlimit(resource.RLIMIT_AS, (min((size, most), key=lambda limit: limit % 2**64), most))
 
 

@@ -2,7 +2,7 @@ import { t } from "./i18n";
 
 type Prop = string | number | boolean | undefined | ((event: never) => void);
 
-// Texts stand on the element by their keys, so that a change of language finds them.
+// Elements keep the keys of their texts, so that a change of language can update them.
 const PLACES: [data: string, set: (element: HTMLElement, text: string) => void][] = [
   ["t", (element, text) => (element.textContent = text)],
   ["tTitle", (element, text) => (element.title = text)],
@@ -39,14 +39,14 @@ function translate(element: HTMLElement): void {
   }
 }
 
-/** Sets every text below the element that stands there by its key. */
+/** Sets every keyed text at and below the element. */
 export function translateAll(root: HTMLElement): void {
   for (const element of root.querySelectorAll<HTMLElement>("[data-t],[data-t-title],[data-t-label],[data-t-placeholder]")) {
     translate(element);
   }
 }
 
-/** Another key for an element's text. */
+/** Changes the key of an element's text. */
 export function say(element: HTMLElement, key: string): void {
   element.dataset["t"] = key;
   translate(element);
@@ -61,13 +61,13 @@ export function modal(testid: string, heading: string, ...children: (Node | stri
   return element;
 }
 
-/** A modal dialog with a heading and ways out. */
+/** A modal dialog with a heading, closable by button or backdrop. */
 export function dialog(testid: string, heading: string, ...children: (Node | string)[]): HTMLDialogElement {
   const element = modal(testid, heading, ...children);
   const close = h("button", { type: "button", class: "quiet", tLabel: "close", onclick: () => element.close() }, "✕");
   element.querySelector("header")!.append(close);
   element.addEventListener("click", (event) => {
-    // The backdrop belongs to the dialog's element itself, its content does not.
+    // Clicks on the backdrop have the dialog itself as target; clicks on its content do not.
     if (event.target === element) element.close();
   });
   return element;

@@ -20,12 +20,12 @@ export function setLanguage(next: Language): void {
   document.documentElement.lang = next;
 }
 
-/** Whether the page's language has a text of its own for the key. */
+/** Whether the page's language has its own text for the key. */
 export function known(key: string): boolean {
   return key in TEXTS[language];
 }
 
-/** The text of a key with `{name}` places filled in; English, then the key itself, where there is none. */
+/** The text of a key with its `{name}` placeholders filled in; falls back to English, then to the key itself. */
 export const t: Translate = (key, values = {}) => {
   const text = TEXTS[language][key] ?? TEXTS.en[key] ?? key;
   return text.replace(/\{(\w+)\}/g, (place, name: string) => String(values[name] ?? place));

@@ -17,10 +17,10 @@ import { createSelection } from "./data/state";
 import { currentTheme, setTheme, startTheme, THEMES, type Theme } from "./theme";
 
 const DOWNLOADS = ["report.html", "report.json", "setup"] as const;
-// The panels of results are made so long after the start at the latest.
+// The panels of results are built at most this long after the start.
 const LATEST_MS = 2000;
 
-// The server answers while the panels are made.
+// Sent early, so that the server answers while the panels are built.
 const session = api.session();
 setLanguage(currentLanguage());
 startTheme(() => panels.forEach((panel) => panel.retheme?.()));
@@ -92,7 +92,7 @@ const signedIn = startSession(session, settings);
 const started = start().catch(notice.report);
 const furnished = furnish();
 
-/** Makes the panels of results: they take their time to begin with, so the page is seen and can be filled in before. */
+/** Builds the panels of results, which are slow to load, after the page is visible and usable. */
 async function furnish(): Promise<void> {
   await Promise.race([started, new Promise((resolve) => setTimeout(resolve, LATEST_MS))]);
   await new Promise((resolve) => requestAnimationFrame(() => setTimeout(resolve)));
@@ -124,7 +124,7 @@ async function furnish(): Promise<void> {
   try {
     await signedIn;
   } catch {
-    // Whoever starts the page hears why it does not start.
+    // The error is reported by `start`.
     return;
   }
   if (!made) idle(input.kind);
@@ -132,7 +132,7 @@ async function furnish(): Promise<void> {
   if (id && id !== current) void open(id);
 }
 
-/** Fills what can be set from the server. */
+/** Fills the choices that come from the server. */
 async function start(): Promise<void> {
   await signedIn;
   input.start();
@@ -153,7 +153,7 @@ async function loadSetup(): Promise<void> {
     form.write(await api.parseSetup(input.kind, await file.text()));
     notice.clear();
   } catch (error) {
-    // Faults of the file's values: those in the form are others.
+    // These faults concern values in the file, not those in the form.
     notice.report(error);
   }
 }
@@ -196,7 +196,7 @@ async function request(source: Source, values: SetupValues): Promise<api.Request
   return { file: await source.file(), kind, setup, unit, mould, parts };
 }
 
-/** The address names the job from now on: a reload or a colleague finds it there. */
+/** Puts the job into the page's address, so that a reload or a shared link opens it. */
 function accepted(job: Job): void {
   current = job.id;
   location.hash = `job=${job.id}`;
@@ -214,14 +214,14 @@ async function ended(job: Job): Promise<void> {
 
 async function show(job: Job): Promise<void> {
   const [loaded] = await Promise.all([api.load(job), furnished]);
-  // Meanwhile somebody may have gone on to another job.
+  // The user may have moved on to another job meanwhile.
   if (job.id !== current) return;
   selection.select(0);
   for (const panel of panels) panel.show(loaded);
   drawHeader(loaded);
 }
 
-/** Shows a job with its file and its parameters, and follows it where it is under way. */
+/** Shows a job with its file and its parameters, and follows it if it has not ended. */
 async function open(id: string): Promise<void> {
   current = id;
   running.leave();

@@ -10,10 +10,10 @@ export interface Actions {
 const TABS: Record<string, string> = { 1: "verdict", 2: "plots", 3: "ledger", 4: "jobs" };
 const LEAP = 100;
 
-// Where keys already mean something.
+// Elements where keys already have a meaning.
 const TYPING = "input:not([type=radio]):not([type=checkbox]), select, textarea, [contenteditable=true], .cm-editor";
 
-/** Keys for what hands do most; none while something is typed or a dialog is open. */
+/** Shortcuts for frequent actions; inactive while typing or while a dialog is open. */
 export function startShortcuts(clock: Clock, actions: Actions): void {
   const plain: Record<string, (event: KeyboardEvent) => void> = {
     " ": () => clock.toggle(),
@@ -25,7 +25,7 @@ export function startShortcuts(clock: Clock, actions: Actions): void {
   };
   addEventListener("keydown", (event) => {
     if (event.defaultPrevented || document.querySelector("dialog[open]")) return;
-    // The program's text has a tree of its own, whose events come out with its host for a target.
+    // Events from the program's shadow root are retargeted to its host; the path has the real target.
     const target = event.composedPath()[0];
     if (!(target instanceof Element)) return;
     if (event.ctrlKey || event.metaKey) {
@@ -36,7 +36,7 @@ export function startShortcuts(clock: Clock, actions: Actions): void {
       return;
     }
     if (event.altKey || target.closest(TYPING)) return;
-    // A button, a link or a heading that folds is pressed by the space bar.
+    // The space bar activates a focused button, link or collapsible heading.
     if (event.key === " " && target.closest("button, a, summary, label, input")) return;
     const tab = TABS[event.key];
     const action = tab ? () => actions.tab(tab) : plain[event.key];

@@ -19,7 +19,7 @@ export function setTheme(theme: Theme): void {
   apply();
 }
 
-/** Puts the remembered theme on the page and calls the listener at every change. */
+/** Applies the remembered theme and calls the listener at every change. */
 export function startTheme(listener: () => void): void {
   apply();
   listeners.push(listener);

@@ -3,7 +3,7 @@ import type { Blocks, Job, Kind, KindTold, Limit, Made, Problem, Report, SetupVa
 
 const ROOT = "/api/v1";
 
-/** What the server refused, as its problem details; code `unreachable` where it did not answer. */
+/** A refusal by the server, with its problem details; code `unreachable` if it did not answer. */
 export class Refused extends Error {
   constructor(readonly problem: Problem) {
     super(problem.detail);
@@ -38,7 +38,7 @@ export interface Request {
 
 let signedIn: () => Promise<void> = () => Promise.resolve();
 
-/** Names what waits for a token; what the server refused without one is asked again then. */
+/** Sets the function that waits for a token; requests refused without one are repeated after it. */
 export function onUnauthorized(wait: () => Promise<void>): void {
   signedIn = wait;
 }
@@ -47,7 +47,7 @@ function ask(path: string, init: RequestInit = {}): Promise<Response> {
   return reach(ROOT + path, init);
 }
 
-/** What this server answers at an address, which is no refusal. */
+/** Fetches an address of this server; throws on a refusal. */
 export async function reach(address: string, init: RequestInit = {}): Promise<Response> {
   let response: Response;
   try {
@@ -136,7 +136,7 @@ export interface Schema {
 
 const answers = new Map<string, Promise<unknown>>();
 
-/** Asks for what stays as it is while the server runs; asks again only where that failed. */
+/** Fetches data that stays the same while the server runs, once; fetches again only after a failure. */
 function askOnce<T>(path: string): Promise<T> {
   const found = answers.get(path) ?? askJson<T>(path);
   answers.set(path, found);
@@ -144,7 +144,7 @@ function askOnce<T>(path: string): Promise<T> {
   return found as Promise<T>;
 }
 
-/** What jobs of each kind report. */
+/** The quantities and stages of each kind of job. */
 export async function kinds(): Promise<KindTold[]> {
   return (await askOnce<{ kinds: KindTold[] }>("/quantities")).kinds;
 }
@@ -152,7 +152,7 @@ export async function kinds(): Promise<KindTold[]> {
 /** JSON schema of a kind's setup. */
 export const setupSchema = (kind: Kind): Promise<Schema> => askOnce(`/setup-schema?kind=${kind}`);
 
-/** The values of a setup with the defaults of every key that is not set. */
+/** The values of a setup, with the default of every key that is not set. */
 function effective(schema: Schema, values: SetupValues): SetupValues {
   const sections = Object.entries(schema.properties ?? {});
   return Object.fromEntries(
@@ -188,12 +188,12 @@ export async function sourceFile({ id, name }: Job): Promise<File> {
   return new File([await (await ask(`/jobs/${id}/source`)).blob()], name);
 }
 
-/** A file that came along with a job, by its name. */
+/** A file sent along with a job, by its name. */
 export async function partFile({ id }: Job, name: string): Promise<File> {
   return new File([await (await ask(`/jobs/${id}/parts/${encodeURIComponent(name)}`)).blob()], name);
 }
 
-/** The mould that came along with a job; null where none did. */
+/** The mould sent along with a job; null if there is none. */
 export async function mouldFile({ id, sent }: Job): Promise<File | null> {
   return sent.mould ? new File([await (await ask(`/jobs/${id}/mould`)).blob()], sent.mould) : null;
 }
@@ -229,16 +229,16 @@ export function createJob(request: Request, signal: AbortSignal): Promise<Job> {
 export interface Watch {
   onState(job: Job): void;
   onProgress(progress: number, stage: string): void;
-  /** The server does not answer; it is asked again and again. */
+  /** Called when the server does not answer; the request is repeated until it does. */
   onLost(): void;
 }
 
-// After so long a server that did not answer is asked again.
+// Delay before a request that was not answered is repeated.
 const AGAIN_MS = 1500;
 
 export const underWay = ({ state }: Job): boolean => state === "queued" || state === "running";
 
-/** Follows a job to its end, over every break of the connection; gives the job as it ended. */
+/** Follows a job to its end, reconnecting as needed; returns the ended job. */
 export async function watchJob(id: string, watch: Watch, signal: AbortSignal): Promise<Job> {
   for (;;) {
     const end = await listen(id, watch, signal);
@@ -255,7 +255,7 @@ export async function watchJob(id: string, watch: Watch, signal: AbortSignal): P
   }
 }
 
-/** Hears of a job until it ends; null where the connection broke before. */
+/** Listens to a job's events until it ends; null if the connection broke before. */
 function listen(id: string, watch: Watch, signal: AbortSignal): Promise<Job | null> {
   return new Promise((resolve, reject) => {
     const source = new EventSource(`${ROOT}/jobs/${id}/events`);
@@ -285,7 +285,7 @@ export async function jobSetup({ id, kind }: Job): Promise<SetupValues> {
   return parseSetup(kind, await (await ask(`/jobs/${id}/setup`)).text());
 }
 
-/** Everything a finished or judged-bad job made that the page shows at once; the rest comes when asked for. */
+/** The results that the page shows at once, of a job that passed or was judged bad; the rest is fetched on demand. */
 export async function load(made: Job): Promise<Made> {
   const path = `/jobs/${made.id}`;
   const { kind } = made;
@@ -297,7 +297,7 @@ export async function load(made: Job): Promise<Made> {
     setupSchema(kind),
     kinds(),
     askJson<{ limits: Record<string, Limit> }>(`${path}/limits`),
-    // A program that was judged bad is withheld.
+    // The server withholds a program that was judged bad.
     made.results.includes("program") ? ask(`${path}/program`).then((response) => response.text()) : null,
   ]);
   const tables = new Map<TableName, Promise<Table | null>>([["poses", Promise.resolve(poses)]]);

@@ -1,16 +1,16 @@
 import type { Kind } from "./types";
 
-/** What the page has to know of a kind of machine before its results are there; nothing else compares kinds. */
+/** Everything the page knows about a kind of machine before its results arrive; no other code compares kinds. */
 export interface KindOfJob {
-  /** The machine that comes along. */
+  /** The built-in machine. */
   machine: string;
-  /** What a program is made of: the ending of its texts' keys. */
+  /** The parts of a program, courses or passes: the ending of its text keys. */
   part: "course" | "pass";
-  /** Files that are its sources by their name; null where every other file is. */
+  /** Pattern for names of its source files; null for the kind that takes all other files. */
   source: RegExp | null;
-  /** Whether a source needs its unit told. */
+  /** Whether the unit of a source must be given. */
   unit: boolean;
-  /** Whether a mould can come along. */
+  /** Whether a mould can be sent along. */
   mould: boolean;
   /** Whether there is a coat to plot. */
   coat: boolean;
@@ -23,7 +23,7 @@ export const KINDS: Record<Kind, KindOfJob> = {
 export const NAMES = Object.keys(KINDS) as Kind[];
 export const FIRST = NAMES[0]!;
 
-/** The kind whose sources are named as a file is. */
+/** The kind of job for a file name. */
 export function kindOfSource(name: string): Kind {
   return NAMES.find((kind) => KINDS[kind].source?.test(name)) ?? FIRST;
 }

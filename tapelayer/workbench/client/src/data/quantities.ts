@@ -4,7 +4,7 @@ import type { Failure, Made, Quantity, Translate, Words } from "./types";
 /** A text in the page's language. */
 export const inWords = (words: Words): string => words[currentLanguage()];
 
-// As good as a power of ten.
+// Digits from which on a number is written as a power of ten.
 const POWER = 10;
 
 /** A number with fixed digits and without a sign on zero; tiny ones as powers of ten. */
@@ -14,7 +14,7 @@ export function fixed(value: number, digits: number): string {
   return /^-0\.?0*$/.test(text) ? text.slice(1) : text;
 }
 
-/** So many digits after the point as wanted, or as few as a float32 of a program's own word still holds. */
+/** The wanted number of decimals, or fewer if a float32 of that size does not hold them. */
 export function digitsOf(value: number, wanted: number): number {
   const size = Math.abs(value);
   return size < 2 ** 14 ? wanted : Math.min(size < 2 ** 17 ? 2 : 1, wanted);
@@ -25,16 +25,16 @@ export function plain(value: number): string {
   return String(Number(value.toPrecision(7)));
 }
 
-/** The unit as people write it. */
+/** The unit for display. */
 const written = (unit: string): string => unit.replace("m2", "m²");
 
-/** A number of the report with its unit, or why there is none. */
+/** A quantity of the report with its unit, or why it has no value. */
 export function shown(value: unknown, { absent, digits, style, unit }: Quantity): string {
   if (typeof value !== "number") return inWords(absent);
   return `${fixed(value, style === "power" ? POWER : digits)} ${written(unit)}`.trimEnd();
 }
 
-/** A share in percent, or why there is none. */
+/** A share in percent, or that it was not measured. */
 export function percent(value: number | null, t: Translate): string {
   return value === null ? t("report.not_measured") : `${fixed(value, 1)} %`;
 }
@@ -48,13 +48,13 @@ const UNITS: [string, string][] = [
   ["_s", "s"],
 ];
 
-/** Stem and unit of a key that ends in its unit. */
+/** Stem and unit of a key whose name ends in its unit. */
 export function stemOf(key: string): { stem: string; unit: string } {
   const [ending, unit] = UNITS.find(([suffix]) => key.endsWith(suffix)) ?? ["", ""];
   return { stem: key.slice(0, key.length - ending.length), unit };
 }
 
-/** What a failure is about, in words. */
+/** The name of a failure in words. */
 export function failureName({ what }: Failure, { quantities }: Made, t: Translate): string {
   const { stem } = stemOf(what);
   const axis = /^axis_(.+?)(_speed)?$/.exec(stem);
@@ -70,11 +70,11 @@ export function failureName({ what }: Failure, { quantities }: Made, t: Translat
   return text === key ? stem.replaceAll("_", " ") : text;
 }
 
-// Digits behind the point of a failure's value, and of one that is as good as its limit.
+// Decimals of a failure's value, and of one that is almost at its limit.
 const DIGITS = 4;
 const MOST_DIGITS = 9;
 
-/** A failure's value with its unit, in so many digits that it is not the limit. */
+/** A failure's value with its unit, with enough digits to differ from the limit. */
 export function failureValue({ limit, value, what }: Failure, t: Translate): string {
   if (value === null) return t("report.not_finite");
   if (Number.isInteger(value)) return limitValue(value, what);

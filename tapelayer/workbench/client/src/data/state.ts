@@ -1,12 +1,12 @@
 import type { Selection } from "./types";
 
-/** What the browser remembers between visits: language, theme, sizes, the last setup. */
+/** Settings that the browser keeps between visits: language, theme, sizes, the last setup. */
 export function remembered<T>(key: string, otherwise: T): T {
   try {
     const text = localStorage.getItem(`tapelayer.${key}`);
     return text === null ? otherwise : (JSON.parse(text) as T);
   } catch {
-    // A browser may refuse storage, and another version may have left something else there.
+    // The browser may deny storage, and another version may have stored something else.
     return otherwise;
   }
 }
@@ -15,11 +15,11 @@ export function remember(key: string, value: unknown): void {
   try {
     localStorage.setItem(`tapelayer.${key}`, JSON.stringify(value));
   } catch {
-    // Without storage the page works all the same; it only forgets.
+    // Without storage the page still works, but forgets its settings.
   }
 }
 
-/** The course that the engineer looks at; 0 is none. */
+/** The selected course; 0 for none. */
 export function createSelection(): Selection {
   const listeners = new Set<(course: number) => void>();
   let course = 0;

@@ -105,26 +105,26 @@ export type SetupValues = Record<string, Record<string, unknown>>;
 /** A text in every language of the page. */
 export type Words = Record<"en" | "zh", string>;
 
-/** A number of the report. */
+/** A quantity of the report. */
 export interface Quantity {
   key: string;
   words: Words;
   about: Words;
-  /** That it is shown in. */
+  /** Unit for display. */
   unit: string;
-  /** Behind the point. */
+  /** Decimals. */
   digits: number;
   style: "count" | "fixed" | "power";
   group: "fact" | "error";
   /** Why it may have no value. */
   absent: Words;
-  /** Whether it stands beside the verdict. */
+  /** Whether it is shown beside the verdict. */
   headline: boolean;
-  /** What a failure of it is called. */
+  /** Name of its failure. */
   failure: string;
 }
 
-/** What jobs of a kind report, and what they do one after the other. */
+/** The quantities that jobs of a kind report, and their stages in order. */
 export interface KindTold {
   kind: Kind;
   quantities: Quantity[];
@@ -133,7 +133,7 @@ export interface KindTold {
 
 export interface Limit {
   value: number;
-  /** False where the setup leaves the quantity free: it is measured, and fails nothing. */
+  /** Whether the limit is judged; if not, the quantity is only measured. */
   judged: boolean;
 }
 

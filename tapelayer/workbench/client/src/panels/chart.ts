@@ -7,9 +7,9 @@ import { digitsOf, fixed, plain } from "../data/quantities";
 import type { Limit } from "../data/types";
 import { thinnedRows } from "./thinning";
 
-// A limit that is this many times farther away than the curve is from zero tells nothing of the curve.
+// A limit this many times larger than the curve's largest value would flatten the curve, and is not drawn.
 const FAR = 20;
-// A click that moved farther than this was meant as a drag.
+// A press that moves farther than this counts as a drag.
 const CLICK_PX = 3;
 
 export interface Curve {
@@ -19,29 +19,29 @@ export interface Curve {
   values: Float32Array;
 }
 
-/** What one chart shows over time. */
+/** The data of one chart over time. */
 export interface Chart {
   name: string;
   heading: string;
   unit: string;
   digits: number;
   times: Float32Array;
-  /** Course of each row where lines end with their course. */
+  /** Course of each row if lines break between courses. */
   courses: Float32Array | null;
   curves: Curve[];
-  /** A row's value holds for the whole motion that ends in the row. */
+  /** Whether a row's value holds for the whole motion that ends at the row. */
   stepped: boolean;
   limits: Limit[];
 }
 
-/** Begins and ends in seconds of what is shaded. */
+/** Start and end times of shaded spans, in seconds. */
 export type Spans = [begin: number, end: number][];
 
 export interface Around {
   spans: Spans;
-  /** Seconds that are shown. */
+  /** Visible time range in seconds. */
   range(): [low: number, high: number];
-  /** Whether the limits are part of what is shown. */
+  /** Whether the limits are shown. */
   withLimits(): boolean;
   seek(time_s: number): void;
   zoom(low: number, high: number): void;
@@ -96,14 +96,14 @@ export class ChartView {
     this.listen();
   }
 
-  /** Fits the chart into its place and draws it. */
+  /** Fits the chart to its container and draws it. */
   draw(): void {
     const frame = this.plot.root.parentElement!;
     this.plot.setSize({ width: frame.clientWidth, height: frame.clientHeight });
     this.plot.setData(this.thinned());
   }
 
-  /** Puts the clock's line at its time. */
+  /** Moves the clock's line to the clock's time. */
   follow(): void {
     const [low, high] = this.around.range();
     const time = this.around.now();
@@ -123,7 +123,7 @@ export class ChartView {
       return stepped ? { ...line, paths: uPlot.paths.stepped!({ align: -1 }) } : line;
     });
     return {
-      // The place's size is not known before it is on the page.
+      // The container has no size before it is on the page.
       width: 200,
       height: 100,
       legend: { show: false },
@@ -137,7 +137,7 @@ export class ChartView {
       series: [{}, ...lines],
       hooks: {
         drawClear: [(plot) => this.shade(plot)],
-        // Only now is it known where a time lies in the chart.
+        // The position of a time in the chart is only known after drawing.
         draw: [(plot) => this.rule(plot), () => this.follow()],
         setSelect: [(plot) => this.selected(plot)],
         setCursor: [(plot) => this.point(plot)],
@@ -169,7 +169,7 @@ export class ChartView {
     this.tell();
   }
 
-  /** Says the values under the pointer, or else at the clock's time. */
+  /** Shows the values under the pointer, or else at the clock's time. */
   private tell(): void {
     const time = this.pointed ?? this.around.now();
     const { curves, digits } = this.chart;
@@ -217,7 +217,7 @@ export class ChartView {
     return [xs, ...ys];
   }
 
-  /** What curves and limits reach; says which limits are too far away to be drawn. */
+  /** Range of the curves and their limits; names the limits that are too far away to be drawn. */
   private reached(least: number, greatest: number): [number, number] {
     const values = this.around.withLimits() ? this.chart.limits.map(({ value }) => value) : [];
     const size = Math.max(Math.abs(least), Math.abs(greatest));
@@ -262,7 +262,7 @@ export class ChartView {
   }
 }
 
-/** A range with some room at both ends; one of no width gets some. */
+/** A range with a margin at both ends, even if it has no width. */
 function padded(least: number, greatest: number): [number, number] {
   if (!(least <= greatest)) return [0, 1];
   const room = greatest > least ? 0.06 * (greatest - least) : Math.max(Math.abs(least) * 1e-3, 1e-3);

@@ -2,15 +2,15 @@ import type { Schema } from "../data/api";
 import { h } from "../elements";
 import { t } from "../i18n";
 
-/** What edits one key; `read` gives undefined where the key is not set. */
+/** The input for one key; `read` returns undefined if the key is not set. */
 export interface Field {
   element: HTMLElement;
   first: HTMLElement;
   read(): unknown;
   write(value: unknown): void;
-  /** What is wrong with what stands there, in the page's language; "" where nothing is. */
+  /** What is wrong with the input, in the page's language; "" if nothing is. */
   fault(): string;
-  /** Offers what there is to choose from now, in the page's language. */
+  /** Updates the choices, in the page's language. */
   offer?(): void;
 }
 
@@ -23,12 +23,12 @@ export interface Axis {
 }
 
 export interface Surroundings {
-  /** Names offered for a key that names something: controllers, uploaded files. */
+  /** Names to choose from for a key that takes a name: controllers, uploaded files. */
   choices(key: string): { value: string; title: string }[];
   axes: Axis[];
 }
 
-/** A reference resolved and `null` taken away: what a value looks like where there is one. */
+/** The schema of a value that is set: references resolved, `null` removed. */
 export function plain(schema: Schema, root: Schema): Schema {
   if (schema.$ref) return { ...root.$defs![schema.$ref.split("/").pop()!]!, ...schema };
   const variants = schema.anyOf?.filter((each) => each.type !== "null");
@@ -46,7 +46,7 @@ export function fieldOf(id: string, key: string, schema: Schema, around: Surroun
   return free(id, schema);
 }
 
-/** A value as a person writes it. */
+/** A value as text for an input. */
 function shown(value: unknown): string {
   return value === null || value === undefined ? "" : Array.isArray(value) ? value.join(", ") : String(value);
 }
@@ -57,7 +57,7 @@ function input(id: string, placeholder: string, more: Record<string, string> = {
 
 function toNumber(written: string): unknown {
   const value = Number(written.replace(",", "."));
-  // What is no number goes to the server as it stands, which says so.
+  // Text that is not a number is sent as it is, so that the server reports it.
   return written === "" ? undefined : Number.isFinite(value) ? value : written;
 }
 
@@ -80,7 +80,7 @@ function number(id: string, schema: Schema, placeholder: string): Field {
   return { element, first: element, read, write, fault: () => outside(read(), schema) };
 }
 
-/** A number, a word such as auto, or numbers with commas between them. */
+/** An input for a number, a word such as auto, or numbers separated by commas. */
 function free(id: string, schema: Schema): Field {
   const words = schema.anyOf?.map((each) => each.const) ?? [];
   const lists = schema.anyOf?.some((each) => each.type === "array");
@@ -128,7 +128,7 @@ function choice(id: string, schema: Schema): Field {
   return { element, first: element, read, write, fault: () => "" };
 }
 
-/** A choice of names that may grow while the page is open. */
+/** A choice of names, which may grow while the page is open. */
 function named(id: string, key: string, schema: Schema, around: Surroundings): Field {
   const element = h("select", { id, testid: id });
   const put = (value: string): void => {
@@ -148,7 +148,7 @@ function named(id: string, key: string, schema: Schema, around: Surroundings): F
   return { element, first: element, read, write, fault: () => "", offer };
 }
 
-/** Fields side by side whose values make one table. */
+/** Inputs side by side whose values form one table. */
 function together(element: HTMLElement, parts: Map<string, Field>): Field {
   return {
     element,
@@ -175,7 +175,7 @@ function group(id: string, schema: Schema, around: Surroundings): Field {
   return together(element, parts);
 }
 
-/** A row for each axis of the key's unit: travel as two numbers, or a speed; the machine's own as placeholders. */
+/** A row per axis of the key's unit: two numbers for travel, one for speed; placeholders show the machine's own. */
 function axisTable(id: string, key: string, schema: Schema, around: Surroundings): Field {
   const inner = schema.additionalProperties as Schema;
   const unit = /_deg(_|$)/.test(key) ? "deg" : "mm";
@@ -193,7 +193,7 @@ function axisTable(id: string, key: string, schema: Schema, around: Surroundings
   let others: Record<string, unknown> = {};
   return {
     ...known,
-    // An axis of another URDF than the built-in one has no row, and stays as it is.
+    // Axes that the built-in URDF does not have get no row, and keep their values.
     read() {
       const value = { ...others, ...(known.read() as object | undefined) };
       return Object.keys(value).length ? value : undefined;

@@ -32,13 +32,13 @@ interface Row {
 }
 
 export interface Form {
-  /** Shows the parameters of a kind of job with the values that were last there. */
+  /** Shows the parameters of a kind of job with their last values. */
   show(kind: Kind): Promise<void>;
   values(): SetupValues;
   write(values: SetupValues): void;
-  /** Whether everything can be sent; goes to the first field that cannot. */
+  /** Whether all fields are valid; focuses the first invalid one. */
   check(): boolean;
-  /** Puts each fault at its field. */
+  /** Shows each fault at its field. */
   faults(faults: Fault[]): void;
   retranslate(): void;
 }
@@ -51,7 +51,7 @@ function unitOf(key: string): string {
   return UNITS.find(([suffix]) => suffix.test(key))?.[1] ?? "";
 }
 
-/** The parameters as a form, made from the setup's schema; only what differs from the defaults is a value. */
+/** The form of the parameters, built from the setup's schema; it sets only values that differ from the defaults. */
 export function createForm(root: HTMLElement, files: () => string[]): Form {
   const drafts = Object.fromEntries(
     NAMES.map((kind) => [kind, remembered<SetupValues>(`setup.${kind}`, {})]),
@@ -133,7 +133,7 @@ export function createForm(root: HTMLElement, files: () => string[]): Form {
           const label = h("label", { for: field.first.id, tTitle: `${name}.about` }, h("span", { t: name }));
           const unit = h("span", { class: "unit", title: key }, unitOf(key));
           const element = h("div", { class: "field" }, label, field.element, unit, about, faultLine);
-          // A field with rows of its own is announced as a group.
+          // A field with several inputs is announced as a group.
           if (field.first !== field.element) element.classList.add("wide");
           field.first.setAttribute("aria-describedby", `${about.id} ${faultLine.id}`);
           const row = { section, key, field, element, faultLine };

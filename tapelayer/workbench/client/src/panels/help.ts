@@ -5,7 +5,7 @@ const STEPS = ["import", "setup", "generate", "look", "verdict", "take"];
 const AXES = ["x", "y", "z", "c", "a", "u", "v", "d", "q", "e"];
 const SPRAY_AXES = ["x", "y", "z", "theta", "phi"];
 
-// The paper's Table 2; it ends in dots, and what it leaves open is assigned.
+// The paper's Table 2; it ends in dots, and the words that it leaves open are our choice.
 const PRINTED = ["G00", "G01", "G02", "G03", "G04", "G90", "G91", "M20", "M21", "M22", "M23", "M24"];
 const ASSIGNED = ["M25", "M26", "M27", "M28", "M32", "M33", "M00", "M30", "F"];
 const SPRAY_WORDS = ["M08", "M09", "M03", "M05"];
@@ -32,7 +32,7 @@ function axesDrawing(): HTMLElement {
   return h("figure", {}, svg);
 }
 
-/** A short guide, the axes, the words of the program and the keys. */
+/** The help dialog: a short guide, the axes, the program's words and the keys. */
 export function createHelp(): HTMLDialogElement {
   const steps = STEPS.map((step) => h("li", { t: `help.step.${step}` }));
   const keys = KEYS.map(([names, key]) =>

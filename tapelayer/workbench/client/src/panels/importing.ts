@@ -4,7 +4,7 @@ import { known, t } from "../i18n";
 import { FIRST, KINDS, kindOfSource, NAMES } from "../data/kinds";
 import type { Kind } from "../data/types";
 
-/** The file that a job is made from; a job that is shown again has its file on the server. */
+/** The file that a job is made from; for a reopened job, the file is on the server. */
 export interface Source {
   name: string;
   file(): Promise<File>;
@@ -16,11 +16,11 @@ export interface Import {
   readonly mould: File | null;
   readonly parts: File[];
   readonly unit: string;
-  /** Takes the file of a job and what came along with it. */
+  /** Takes over the file of a job and the files sent with it. */
   bring(source: Source, kind: Kind, unit: string, mould: File | null, parts: File[]): void;
   clear(): void;
   askForFile(): void;
-  /** Asks the server for its examples. */
+  /** Loads the list of examples from the server. */
   start(): void;
   retranslate(): void;
 }
@@ -30,18 +30,18 @@ const UNITS = ["mm", "m", "in"];
 
 const uploaded = (file: File): Source => ({ name: file.name, file: async () => file });
 
-/** A field that takes files, worn by its label. */
+/** A file input hidden behind its label. */
 function picker(testid: string, key: string, accept: string, many: boolean, took: (files: File[]) => void): HTMLElement {
   const input = h("input", { type: "file", id: testid, testid, accept, multiple: many, class: "hidden-input" });
   input.addEventListener("change", () => {
     took([...(input.files ?? [])]);
-    // The same file chosen again, mended in between, has to be a change as well.
+    // Choosing the same file again, edited meanwhile, must fire a change as well.
     input.value = "";
   });
   return h("span", { class: "picker" }, input, h("label", { for: testid, class: "button", t: key }));
 }
 
-/** Import: the file, what is made of it, and what belongs to it. */
+/** The import panel: the file, its kind and unit, and its additional files. */
 export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, onProblem: (error: unknown) => void): Import {
   let kind: Kind = FIRST;
   let source: Source | null = null;

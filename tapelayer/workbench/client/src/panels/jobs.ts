@@ -16,12 +16,12 @@ function local(moment: string): string {
   return `${day} ${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}`;
 }
 
-/** Key of the word for a job's state. */
+/** Text key of a job's state. */
 export function stateKey({ state, error }: Job): string {
   return error?.code === "verification-failed" ? "state.judged-bad" : `state.${state}`;
 }
 
-/** The caller's own jobs: open one, share its address, take it away. */
+/** The user's own jobs: open one, copy its link, delete it. */
 export function createJobList(root: HTMLElement, open: (id: string) => void, removed: (id: string) => void, failed: (error: unknown) => void): JobList {
   const body = h("tbody");
   const heads = ["jobs.name", "jobs.kind", "jobs.state", "jobs.blocks", "jobs.created"].map((key) => h("th", { t: key, scope: "col" }));

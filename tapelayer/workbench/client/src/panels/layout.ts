@@ -26,15 +26,15 @@ const rem = (): number => parseFloat(getComputedStyle(document.documentElement).
 const wide = (): number => innerWidth / rem();
 const high = (): number => innerHeight / rem();
 
-// In rem, so that a page looks the same on a screen with more points.
+// In rem, so that the layout scales with the font size.
 const SIZES: Record<Size["name"], Size> = {
   left: { name: "left", start: () => 24, least: 17, most: () => wide() / 2.5, grows: (dx) => dx },
-  // Where there is room for it, a block of ten axes is seen in full.
+  // Wide enough for a block of ten axes if the window allows it.
   right: { name: "right", start: () => Math.max(27, 0.23 * wide()), least: 15, most: () => wide() / 2, grows: (dx) => -dx },
   bottom: { name: "bottom", start: () => Math.max(19, 0.27 * high()), least: 3, most: () => high() / 1.6, grows: (_, dy) => -dy },
 };
 
-/** A bar that changes a size by dragging or by the arrow keys; the size is remembered. */
+/** A divider that changes a size by dragging or by the arrow keys; the size is remembered. */
 function splitter(frame: HTMLElement, name: Size["name"]): HTMLElement {
   const { start, least, most, grows } = SIZES[name];
   const lying = name === "bottom";

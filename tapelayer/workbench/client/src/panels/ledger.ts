@@ -89,7 +89,7 @@ function tapeTable(rows: TapeRow[], clock: Clock, t: Translate, selection: Selec
     ...cutCells(row, "start", clock, t),
     ...cutCells(row, "end", clock, t),
   ]);
-  // A sum of what was not measured is not a number either.
+  // The sum of values that were not measured is not a number either.
   const sum = (key: ListedNumber): number => rows.reduce((total, row) => total + (row[key] ?? Number.NaN), 0);
   const totals = LISTED.map((key) => (key === "station_mm" ? "" : number(Number.isNaN(sum(key)) ? null : sum(key), 3)));
   const stops = rows.reduce((total, row) => total + row.laying_stops, 0);
@@ -115,7 +115,7 @@ function coatFacts(made: Made, t: Translate): HTMLElement {
   return facts(t("ledger.coat"), pairs);
 }
 
-/** When each pass is sprayed, and where it stands in the program. */
+/** The table of passes: when each is sprayed, and its lines in the program. */
 function passesTable(made: Made, clock: Clock, t: Translate, selection: Selection): HTMLElement {
   const { courses, lines } = made.blocks;
   const times = made.poses.column("time_s");
@@ -176,7 +176,7 @@ function sprayed(made: Made, clock: Clock, t: Translate, selection: Selection): 
 
 const LEDGERS: Record<Kind, typeof sprayed> = { lay: laid, spray: sprayed };
 
-/** What becomes of the tape, course by course; for spraying, the passes and the coat. */
+/** Use of the tape, course by course; for spraying, the passes and the coat. */
 export const createLedger: CreatePanel = (root, clock, t, selection) => {
   let made: Made | null = null;
   root.classList.add("results");

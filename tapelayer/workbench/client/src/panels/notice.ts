@@ -4,9 +4,9 @@ import { problemTitle, t } from "../i18n";
 import type { Fault, Problem } from "../data/types";
 
 export interface Notice {
-  /** `former` names what was made before and is still shown. */
+  /** `former` names the earlier results that are still shown. */
   show(problem: Problem, former?: string): void;
-  /** Shows what was thrown; silent where somebody broke it off. */
+  /** Shows what was thrown, unless the user aborted. */
   report(error: unknown): void;
   clear(): void;
   retranslate(): void;
@@ -25,7 +25,7 @@ function sentences(problem: Problem): HTMLElement[] {
   return [h("ul", { class: "faults" }, ...rows)];
 }
 
-/** What went wrong, in the server's own sentences under a translated heading. */
+/** Error messages, in the server's own sentences under a translated heading. */
 export function createNotice(root: HTMLElement): Notice {
   let current: Problem | null = null;
   let remaining = "";

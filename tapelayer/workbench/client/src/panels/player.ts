@@ -7,7 +7,7 @@ import { digitsOf, fixed } from "../data/quantities";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 50];
 const DIGITS = 3;
-// A page that was in the background goes on where it was.
+// A longer pause means that the page was in the background: playing resumes where it stopped.
 const LONGEST_FRAME_S = 1;
 
 function timeText(time_s: number): string {
@@ -31,9 +31,9 @@ class Player implements Clock {
     return this.motion?.duration ?? 0;
   }
 
-  /** How much of the way to the row is done. */
+  /** Fraction of the motion to the row that is done. */
   get done(): number {
-    // Rows of equal time: the machine stands on the one that was asked for.
+    // Among rows of equal time, the machine stands at the requested one.
     return this.motion ? this.motion.done(this.row, this.time) : 1;
   }
 
@@ -127,7 +127,7 @@ function control(testid: string, key: string, sign: string, onclick: () => void)
   return h("button", { type: "button", testid, tTitle: key, tLabel: key, onclick }, sign);
 }
 
-/** Clock of the page with its transport bar and the readout of the axes. */
+/** The page's clock, with its transport bar and the readout of the axes. */
 export const createPlayer: CreatePlayer = (root, t) => {
   const player = new Player();
   const back = control("step-back", "player.back", "❙◀", () => player.step(-1));
@@ -158,7 +158,7 @@ export const createPlayer: CreatePlayer = (root, t) => {
   scrub.addEventListener("keydown", (event) => {
     const steps = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -100, PageUp: 100 }[event.key];
     if (steps === undefined) return;
-    // A block is what a step means here; the slider's own step is a second.
+    // A step here is one block; the slider's own step is a second.
     event.preventDefault();
     event.stopPropagation();
     player.step(steps);
@@ -196,7 +196,7 @@ export const createPlayer: CreatePlayer = (root, t) => {
     return parts.join(" · ");
   }
 
-  /** Builds what the axes and switches of the program need. */
+  /** Builds the readouts for the program's axes and switches. */
   function build(motion: Motion | null): void {
     scrub.max = String(motion?.duration ?? 0);
     values.length = 0;

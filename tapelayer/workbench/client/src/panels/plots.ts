@@ -9,9 +9,9 @@ import { stemOf } from "../data/quantities";
 const VIEWS = ["positions", "speeds", "errors", "thickness"] as const;
 type View = (typeof VIEWS)[number];
 
-// Curves of one chart, where they share one.
+// Curves that share a chart.
 const TOGETHER: Record<string, string[]> = { normal_error_mm: ["normal_error_mm", "lateral_error_mm"] };
-// Normal and lateral error together are judged by the limit of position.
+// Normal and lateral error are judged together by the position limit.
 const LIMIT_OF: Record<string, string> = { normal_error_mm: "position_error_mm" };
 const PLACES = ["time_s", "course", "pass", "arc_length_mm", "beside_crease"];
 const UNSIGNED = ["position_error_mm", "surface_distance_mm", "deviation_deg"];
@@ -38,7 +38,7 @@ function axisCharts(made: Made, table: Table, times: Float32Array, view: "positi
   });
 }
 
-/** Rows of a table whose time is a number; nothing else can be drawn over time. */
+/** Rows of a table whose time is a number; others cannot be plotted over time. */
 function timed(table: Table): (column: string) => Float32Array {
   const times = table.column("time_s");
   const rows = Array.from(times.keys()).filter((row) => Number.isFinite(times[row]!));
@@ -48,7 +48,7 @@ function timed(table: Table): (column: string) => Float32Array {
   };
 }
 
-/** Deviations that count, and those beside creases, which do not. */
+/** Charts of the deviations that count, and of those beside creases, which do not. */
 function besideCreases(values: Float32Array, beside: Float32Array, t: Translate): Omit<Curve, "colour">[] {
   const where = (free: boolean): Float32Array => values.map((value, row) => (beside[row]! > 0 === free ? value : Number.NaN));
   const counted = { name: t("plots.deviation_deg"), values: where(false) };
@@ -80,7 +80,7 @@ function errorCharts(made: Made, table: Table, t: Translate): Chart[] {
   });
 }
 
-/** When the program moves in rapids; what touches is one span. */
+/** Spans of rapid motion; adjacent ones are merged. */
 function rapids(made: Made): Spans {
   const rapid = made.blocks.kind_names.indexOf("rapid");
   const times = made.poses.column("time_s");
@@ -94,7 +94,7 @@ function rapids(made: Made): Spans {
   return spans;
 }
 
-/** How much of the surface has which thickness at the end. */
+/** Histogram of the final thickness over the surface. */
 function histogram(root: HTMLElement, coat: Table, t: Translate): uPlot {
   const values = coat.column(coat.columns.at(-1)!).filter(Number.isFinite);
   const least = values.reduce((low, value) => Math.min(low, value), Infinity);
@@ -235,7 +235,7 @@ class Plots implements Panel {
     for (const chart of this.charts) chart.draw();
   }
 
-  /** Charts are built when they can be seen, and fitted when their place changes. */
+  /** Builds charts when they become visible, and refits them when their container is resized. */
   private resized(): void {
     if (!this.body.clientWidth) return;
     if (this.stale) void this.open();

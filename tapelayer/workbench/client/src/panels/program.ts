@@ -18,10 +18,10 @@ import { FIRST, KINDS } from "../data/kinds";
 import type { Blocks, Clock, CreatePanel, Made, ProgramPanel, Selection, Translate } from "../data/types";
 import { failuresTable } from "./verdict";
 
-// The program follows a playing clock no more often than an eye can.
+// The program follows a playing clock no more often than the eye can.
 const FOLLOW_MS = 120;
 const TOLD_MS = 2500;
-// A comment is in parentheses (but not a function's arguments) or after a semicolon; `Q1=` is an extended address.
+// Comments are in parentheses (but not a function's arguments) or after a semicolon; `Q1=` is an extended address.
 const WORDS = /(;.*|(?<![A-Za-z])\([^)]*\)?)|\b(N\d+)|\b(G\d+(?:\.\d+)?)|\b(M\d+)|\b(F[-+.\d]+)|\b([A-Z](?:\d*=)?)[-+.\d]+/g;
 const CLASSES = ["nc-comment", "nc-number", "nc-g", "nc-m", "nc-feed", "nc-axis"];
 const MARKS = CLASSES.map((name) => Decoration.mark({ class: name }));
@@ -41,7 +41,7 @@ const PHRASES = [
   "on line",
 ];
 
-/** Lines of a course in the program, from 1; its comment belongs to it. */
+/** Lines of a course in the program, from 1, including its comment. */
 interface Stretch {
   course: number;
   from: number;
@@ -52,7 +52,7 @@ const colours = new MatchDecorator({
   regexp: WORDS,
   decorate(add, from, to, match) {
     const group = match.findIndex((found, index) => index > 0 && found !== undefined);
-    // Of a word with a value the address alone is set off.
+    // Of a word with a value, only the address is styled.
     add(from, group === 6 ? from + match[6]!.length : to, MARKS[group - 1]!);
   },
 });
@@ -70,7 +70,7 @@ const coloured = ViewPlugin.define(
 const goTo = StateEffect.define<number>();
 const choose = StateEffect.define<Stretch | null>();
 
-/** The line where the machine is, from 1; 0 is none. */
+/** The line where the machine is, from 1; 0 for none. */
 const currentLine = StateField.define<number>({
   create: () => 0,
   update: (line, { effects }) => effects.reduce((found, effect) => (effect.is(goTo) ? effect.value : found), line),
@@ -87,7 +87,7 @@ const chosenStretch = StateField.define<Stretch | null>({
     effects.reduce<Stretch | null>((found, effect) => (effect.is(choose) ? effect.value : found), stretch),
 });
 
-/** The chosen course's lines, the visible ones alone. */
+/** The visible lines of the selected course. */
 function chosenLines(view: EditorView): DecorationSet {
   const stretch = view.state.field(chosenStretch);
   if (!stretch) return Decoration.none;
@@ -110,7 +110,7 @@ const chosen = ViewPlugin.define(
   { decorations: (plugin) => plugin.decorations },
 );
 
-// The editor lives in a shadow root, where the page's style sheet does not reach and its variables do.
+// The editor is in a shadow root, where the page's style sheet does not apply but its variables do.
 const look = EditorView.theme({
   "&": { height: "100%", fontSize: "0.8125rem", color: "var(--text)", backgroundColor: "var(--panel)" },
   "&.cm-focused": { outline: "2px solid var(--focus)", outlineOffset: "-2px" },
@@ -145,13 +145,13 @@ const look = EditorView.theme({
     backgroundImage: "none",
     border: "1px solid var(--strong-line)",
   },
-  // There is one selection in a program that is only read.
+  // A read-only program needs only one selection.
   ".cm-panel.cm-search [name=select]": { display: "none" },
   ".cm-panel.cm-search [name=close]": { color: "var(--text)", fontSize: "1rem" },
   "input:focus-visible, button:focus-visible": { outline: "2px solid var(--focus)", outlineOffset: "1px" },
 });
 
-/** Where each course stands in the program, in its order. */
+/** The range of lines of each course, in program order. */
 function stretchesOf({ courses, lines }: Blocks, text: string[]): Stretch[] {
   const found: Stretch[] = [];
   courses.forEach((course, row) => {
@@ -194,7 +194,7 @@ class ProgramView implements ProgramPanel {
     private readonly selection: Selection,
   ) {
     root.classList.add("program-panel");
-    // The editor's styles are constructed sheets, which the page's policy allows in a shadow root only.
+    // The editor uses constructed style sheets, which the page's policy allows only in a shadow root.
     this.host.attachShadow({ mode: "open" });
     this.host.addEventListener("keydown", (event) => this.keepKeys(event));
     this.find.addEventListener("click", () => this.openSearch());
@@ -243,7 +243,7 @@ class ProgramView implements ProgramPanel {
     this.download.textContent = t("program.download");
     const place = this.editor?.scrollSnapshot();
     this.editor?.dispatch({ effects: this.words.reconfigure(this.phrases()) });
-    // With other words the editor begins anew, and would stand elsewhere.
+    // Reconfiguring the editor loses its scroll position, so restore it.
     if (place) this.editor?.dispatch({ effects: place });
     this.render();
   }
@@ -266,7 +266,7 @@ class ProgramView implements ProgramPanel {
     this.select.replaceChildren(new Option("", "0"));
   }
 
-  /** The program where there is one, else why there is none. */
+  /** Shows the program, or the reason why there is none. */
   private render(): void {
     const { made, t } = this;
     const program = made?.program ?? null;
@@ -281,7 +281,7 @@ class ProgramView implements ProgramPanel {
     if (made && program !== null) {
       this.download.href = made.url("program");
       this.download.download = "";
-      // Taken off the page for a moment, the program would lose its place.
+      // Removing the editor from the page, even briefly, would lose its scroll position.
       if (!this.host.isConnected) this.root.replaceChildren(this.bar, this.host);
       return;
     }
@@ -321,11 +321,11 @@ class ProgramView implements ProgramPanel {
     return [EditorState.phrases.of(Object.fromEntries(told)), label] as ReturnType<typeof EditorState.phrases.of>[];
   }
 
-  /** A line that the engineer went to takes the machine along. */
+  /** Moves the machine to a line that the user goes to. */
   private moved(update: ViewUpdate): void {
     if (!update.transactions.some((transaction) => transaction.isUserEvent("select"))) return;
     const { main } = update.state.selection;
-    // Marking a stretch of text is no wish to go to its end.
+    // Selecting text does not mean going to its end.
     if (!main.empty && !update.transactions.some((transaction) => transaction.isUserEvent("select.search"))) return;
     const line = update.state.doc.lineAt(main.from).number;
     const lines = this.made!.blocks.lines;
@@ -335,13 +335,13 @@ class ProgramView implements ProgramPanel {
     this.follow(false);
   }
 
-  /** Nothing is typed in the program: the space bar plays here as well. */
+  /** Lets the space bar play here as well, since the program is read-only. */
   private toggle(): boolean {
     this.clock.toggle();
     return true;
   }
 
-  /** Keys that the editor uses are not the page's shortcuts. */
+  /** Keeps keys that the editor uses from triggering the page's shortcuts. */
   private keepKeys(event: KeyboardEvent): void {
     const [target] = event.composedPath();
     const typing = target instanceof HTMLInputElement;
@@ -358,7 +358,7 @@ class ProgramView implements ProgramPanel {
     });
   }
 
-  /** Marks the line of the clock's block, and scrolls to it unless the engineer looks at the place already. */
+  /** Marks the line of the clock's block, and scrolls to it unless it is already in view. */
   private follow(scroll: boolean): void {
     const { editor, made } = this;
     if (!editor || !made) return;
@@ -401,6 +401,6 @@ class ProgramView implements ProgramPanel {
   }
 }
 
-/** The NC program: coloured, searchable, and at the block where the machine is. */
+/** The NC program: highlighted, searchable, and scrolled to the machine's current block. */
 export const createProgram: CreatePanel<ProgramPanel> = (root, clock, t, selection) =>
   new ProgramView(root, clock, t, selection);

@@ -1,4 +1,4 @@
-// What shows results: most of the code, and nothing that a first view waits for.
+// The panels that show results: most of the code, loaded after the first view.
 export { createLedger } from "./ledger";
 export { createPlayer } from "./player";
 export { createPlots } from "./plots";

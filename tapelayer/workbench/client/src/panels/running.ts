@@ -7,20 +7,20 @@ import type { Job, Words } from "../data/types";
 
 export interface Running {
   readonly busy: boolean;
-  /** Sends the job as soon as it is prepared, and follows it to its end; `accepted` hears of it once the server has it. */
+  /** Sends the job as soon as it is prepared, and follows it to its end; calls `accepted` once the server has it. */
   run(request: Promise<Request>, accepted: (job: Job) => void): Promise<Job>;
-  /** Follows a job that is under way. */
+  /** Follows a waiting or running job. */
   follow(job: Job): Promise<Job>;
   /** Stops following; the job itself goes on. */
   leave(): void;
-  /** Asks for what the stages are called. */
+  /** Loads the names of the stages. */
   start(): void;
   retranslate(): void;
 }
 
 const LOST = "stage.lost";
 
-/** Generate, cancel, and how far the job is. */
+/** Generate and cancel buttons, and the job's progress. */
 export function createRunning(root: HTMLElement, generate: () => void, failed: (error: unknown) => void): Running {
   let leaving: AbortController | null = null;
   let running: Job | null = null;
@@ -45,7 +45,7 @@ export function createRunning(root: HTMLElement, generate: () => void, failed: (
   const draw = (): void => {
     const busy = leaving !== null;
     start.disabled = busy;
-    // Whoever was given a job's address may follow it, and no more.
+    // Only a job's owner may cancel it; others may only follow it.
     stop.hidden = !busy || running?.mine === false;
     bar.hidden = !busy;
     bar.value = progress;
@@ -91,7 +91,7 @@ export function createRunning(root: HTMLElement, generate: () => void, failed: (
       if (leaving === mine) stage = "";
       throw error;
     } finally {
-      // Somebody who left for another job has a controller of his own here by now.
+      // If the user has moved on to another job, `leaving` is already that job's controller.
       if (leaving === mine) {
         leaving = null;
         running = null;

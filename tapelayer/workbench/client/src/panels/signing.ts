@@ -2,7 +2,7 @@ import { onUnauthorized, Refused, signIn, signOut, type Session } from "../data/
 import { h, modal } from "../elements";
 import { problemTitle } from "../i18n";
 
-/** Asks for the token whenever the server wants one; settled as soon as the page may talk to it. */
+/** Asks for the token when the server requires one; the promise settles once the page may use the API. */
 export async function startSession(asked: Promise<Session>, header: HTMLElement): Promise<void> {
   const token = h("input", { type: "password", id: "token", testid: "token", autocomplete: "current-password", required: true, autofocus: true });
   const wrong = h("p", { class: "fault", role: "alert" });
@@ -20,7 +20,7 @@ export async function startSession(asked: Promise<Session>, header: HTMLElement)
     return entered;
   };
   box.addEventListener("close", () => {
-    // Without a token there is nothing to do on the page.
+    // Without the token the page is of no use, so the dialog stays.
     if (entered) box.showModal();
   });
   form.addEventListener("submit", (event) => {

@@ -4,14 +4,14 @@ type Content = Node | string;
 
 export interface Column {
   heading: string;
-  /** Numbers stand right, words left. */
+  /** Numbers are right-aligned, words left-aligned. */
   numeric: boolean;
 }
 
 export const words = (heading: string): Column => ({ heading, numeric: false });
 export const numeric = (heading: string): Column => ({ heading, numeric: true });
 
-/** A table under a caption; rows hold their cells in the order of the columns. */
+/** A table with a caption; rows hold their cells in the order of the columns. */
 export function table(caption: string, columns: Column[], rows: Content[][], foot: Content[][] = []): HTMLTableElement {
   const style = (index: number): string | undefined => (columns[index]!.numeric ? "number" : undefined);
   const line = (cells: Content[]): HTMLElement =>
@@ -30,13 +30,13 @@ export function table(caption: string, columns: Column[], rows: Content[][], foo
   return made;
 }
 
-/** Names and values under a heading, a pair a line. */
+/** Names and values under a heading, one pair per line. */
 export function facts(heading: string, pairs: [string, Content][]): HTMLElement {
   const rows = pairs.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)));
   return h("section", { class: "facts" }, h("h3", {}, heading), h("dl", {}, ...rows));
 }
 
-/** A button that looks like a link: it leads to a place in the program. */
+/** A button that looks like a link and goes to a place in the program. */
 export function link(text: string, title: string, act: () => void): HTMLButtonElement {
   return h("button", { type: "button", class: "link", title, onclick: act }, text);
 }

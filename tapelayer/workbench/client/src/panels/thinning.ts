@@ -1,8 +1,8 @@
 import { lowerBound } from "../views/motion";
 
 /**
- * Rows of curves over time that a plot of `columns` pixels shows: in each pixel column the first, the last, and of
- * every curve the least and the greatest, so that no peak is lost; and one row beyond either end.
+ * Rows of curves over time that suffice for a plot of `columns` pixels: in each pixel column the first, the last, and
+ * the lowest and highest of every curve, so that no peak is lost; and one row beyond either end.
  */
 export function thinnedRows(
   times: Float32Array,
@@ -28,7 +28,7 @@ export function thinnedRows(
   return rows;
 }
 
-/** Rows of the least and the greatest number of a curve, and of what is no number: a gap is not lost either. */
+/** Rows of the lowest and highest value of a curve, and of a NaN, so that gaps are not lost either. */
 function extremes(curve: Float32Array, begin: number, end: number): number[] {
   let least = -1;
   let greatest = -1;

@@ -4,10 +4,10 @@ import type { AxisReport, Clock, CreatePanel, Failure, Made, Quantity, Selection
 import { failureName, failureValue, fixed, inWords, limitValue, percent, plain, shown } from "../data/quantities";
 import { bar, facts, link, numeric, table, words } from "./tables";
 
-// Failures in the table; beyond them it gives a count.
+// Failures listed in the table; the rest are only counted.
 const SHOWN_FAILURES = 500;
 
-/** What is beyond a limit that the setup does not judge by. */
+/** Quantities beyond a limit that the setup does not judge. */
 function beyondUnjudged({ limits, quantities, report }: Made): Quantity[] {
   return quantities.filter(({ key }) => {
     const limit = limits[key];
@@ -18,12 +18,12 @@ function beyondUnjudged({ limits, quantities, report }: Made): Quantity[] {
 /** Course or pass of a failure, 0 where none applies. */
 const courseOf = (failure: Failure): number => Number(failure.course ?? failure["pass"] ?? 0);
 
-/** Time at which a quantity is worst in a course or pass; NaN where it was not measured along it. */
+/** Time at which a quantity is worst in a course or pass; NaN if it was not measured along it. */
 async function worst(made: Made, what: string, course: number): Promise<number> {
   const table = await made.table("errors");
   if (!table || table.index(what) < 0) return Number.NaN;
   const courses = table.column(table.index("pass") < 0 ? "course" : "pass");
-  // What could not be measured is worse than any number.
+  // A value that could not be measured counts as worse than any number.
   const sizes = table.column(what).map((value) => (Number.isNaN(value) ? Infinity : Math.abs(value)));
   let found = -1;
   courses.forEach((each, row) => {
@@ -32,7 +32,7 @@ async function worst(made: Made, what: string, course: number): Promise<number> 
   return found < 0 ? Number.NaN : table.at(found, "time_s");
 }
 
-/** Takes the machine to a failure: to its line, else to its worst moment, else to its course. */
+/** Moves the clock to a failure: to its line, else to its worst moment, else to its course. */
 async function goTo(made: Made, failure: Failure, clock: Clock, selection: Selection): Promise<void> {
   const course = courseOf(failure);
   if (course) selection.select(course);
@@ -43,11 +43,11 @@ async function goTo(made: Made, failure: Failure, clock: Clock, selection: Selec
   clock.seekCourse(course);
   const { row } = clock;
   const time = await worst(made, failure.what, course);
-  // Whoever went on meanwhile is left where they are.
+  // If the user has moved the clock meanwhile, leave it.
   if (Number.isFinite(time) && clock.row === row) clock.seekTime(time);
 }
 
-/** Button to the place of a failure; a dash where it has none. */
+/** Button that goes to a failure; a dash if it has no place in the program. */
 function place(made: Made, failure: Failure, clock: Clock, t: Translate, selection: Selection): Node | string {
   const { line, point } = failure;
   const course = courseOf(failure);
@@ -58,7 +58,7 @@ function place(made: Made, failure: Failure, clock: Clock, t: Translate, selecti
   return link(parts.join(", "), t("place.go"), () => void goTo(made, failure, clock, selection));
 }
 
-/** The failures with buttons to their places. */
+/** The table of failures, with buttons that go to them. */
 export function failuresTable(made: Made, clock: Clock, t: Translate, selection: Selection): HTMLElement {
   const { failures } = made.report;
   const rows = failures
@@ -77,7 +77,7 @@ export function failuresTable(made: Made, clock: Clock, t: Translate, selection:
   return section;
 }
 
-/** The verdict in one line for the page's head. */
+/** The verdict in one line for the page header. */
 export const createBadge: CreatePanel = (root, _clock, t) => {
   let made: Made | null = null;
   const badge = h("div", { class: "badge", role: "status", testid: "verdict" });
@@ -138,7 +138,7 @@ function quantitiesTable({ limits, quantities, report }: Made, t: Translate): HT
 }
 
 function axesTable(made: Made, t: Translate): HTMLElement {
-  // A speed may exceed its limit by the last digit of a feed word: what is red is for the verification to say.
+  // A speed may exceed its limit by the last digit of a feed word, so only verification decides what is red.
   const failed = new Set(made.report.failures.map(({ what }) => what));
   const number = (value: number | null): string => (value === null ? "–" : fixed(value, 2));
   const drawn = (begin: number | null, end: number | null, low: number, high: number, what: string): Node | string =>
@@ -190,11 +190,11 @@ function factsList(made: Made, t: Translate): HTMLElement {
   return facts(t("report.program"), pairs);
 }
 
-/** What the verification found: failures, quantities against their limits, axes, facts of the program. */
+/** Results of verification: failures, quantities against their limits, axes, facts about the program. */
 export const createVerdict: CreatePanel = (root, clock, t, selection) => {
   let made: Made | null = null;
   root.classList.add("results");
-  // It scrolls, and has nothing else that takes the keys there.
+  // It scrolls and contains nothing focusable, so it takes the focus itself.
   root.tabIndex = 0;
 
   function render(): void {

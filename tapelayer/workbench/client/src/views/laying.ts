@@ -5,7 +5,7 @@ import { ERRORS, legend } from "./legend";
 import { Ribbons } from "./ribbons";
 import { type Colouring, numberOf, partOf, type Work } from "./work";
 
-/** The tape as it is laid, on its mould where there is one. */
+/** The tape as it is laid, on its mould if there is one. */
 export class Laying implements Work {
   readonly object = new Group();
   readonly box = new Box3();

@@ -1,14 +1,14 @@
 import { h } from "../elements";
 
-/** Colours of a scale as red, green and blue bytes, from its least value to its greatest. */
+/** Colours of a scale as RGB bytes, from the lowest value to the highest. */
 export type Ramp = Uint8Array;
 
 const STEPS = 256;
 
-/** Red of what is beyond a limit. */
+/** Red for values beyond a limit. */
 export const BEYOND: readonly [number, number, number] = [214, 39, 40];
 
-/** A ramp through colours that stand evenly apart on it. */
+/** A ramp through evenly spaced colours. */
 function ramp(...stops: readonly [number, number, number][]): Ramp {
   const colours = new Uint8Array(3 * STEPS);
   for (let step = 0; step < STEPS; step++) {
@@ -22,7 +22,7 @@ function ramp(...stops: readonly [number, number, number][]): Ramp {
   return colours;
 }
 
-/** Viridis, so that equal steps look equal, also to the colour-blind. */
+/** Viridis: perceptually uniform, and readable for the colour-blind. */
 const VIRIDIS: readonly [number, number, number][] = [
   [68, 1, 84],
   [72, 40, 120],
@@ -38,10 +38,10 @@ const VIRIDIS: readonly [number, number, number][] = [
 
 export const ERRORS: Ramp = ramp(...VIRIDIS);
 
-/** Grey where there is nothing yet. */
+/** Grey for no thickness yet. */
 export const COAT: Ramp = ramp([150, 156, 162], ...VIRIDIS);
 
-/** The colours of a ramp as a renderer that works with light mixes them. */
+/** The colours of a ramp converted from sRGB to linear light, as the renderer expects them. */
 export function linear(colours: ArrayLike<number>): Ramp {
   return Uint8Array.from(colours, (value) => {
     const share = value / 255;
@@ -49,12 +49,12 @@ export function linear(colours: ArrayLike<number>): Ramp {
   });
 }
 
-/** Place of a value's colour in a ramp whose greatest value is `most`. */
+/** Index of a value's colour in a ramp that ends at `most`. */
 export function placeOf(value: number, most: number): number {
   return 3 * Math.round(Math.min(Math.max(most > 0 ? value / most : 0, 0), 1) * (STEPS - 1));
 }
 
-/** A colour scale in words and numbers; `title` and `note` are keys of texts; an open scale holds for what is beyond. */
+/** A labelled colour scale; `title` and `note` are text keys; an open scale also covers values beyond its end. */
 export function legend(colours: Ramp, most: number, title: string, { note = "", open = false }): HTMLElement {
   const bar = h("canvas", { width: STEPS, height: 1, "aria-hidden": "true" });
   const context = bar.getContext("2d");

@@ -22,16 +22,16 @@ const DEG = Math.PI / 180;
 const SOLID = new MeshLambertMaterial({ vertexColors: true });
 const GHOST = new MeshLambertMaterial({ vertexColors: true, transparent: true, opacity: 0.11 });
 const VEIL = new MeshLambertMaterial({ vertexColors: true, transparent: true, opacity: 0.3 });
-// Of what one looks through, the nearest surface alone is drawn: its depth comes first.
+// Of translucent parts only the nearest surface is drawn, so their depth is drawn first.
 const DEPTH = new MeshLambertMaterial({ vertexColors: true, transparent: true, colorWrite: false });
-// After all that is made, and the head before the frame.
+// After all of the work, and the head before the frame.
 const ORDER = { head: 10, frame: 20 };
 
-/** A machine's model; every link is one mesh, and the joints go where the axes say. Metres. */
+/** A machine's model: one mesh per link, with the joints set by the axes. Metres. */
 export class Machine3D {
-  /** How every node stands in its parent while the joints are at zero. */
+  /** Pose of every node in its parent with all joints at zero. */
   private readonly still = new Map<Object3D, Matrix4>();
-  /** What the joints that turn carry, and all else. */
+  /** Meshes carried by the revolute joints, and all others. */
   private readonly head: Piece[] = [];
   private readonly frames: Piece[] = [];
 
@@ -49,7 +49,7 @@ export class Machine3D {
    * Builds a machine from its URDF.
    *
    * @param mesh bytes of an STL that the model names.
-   * @param onMissing told of every mesh that cannot be shown, with the reason.
+   * @param onMissing called for every mesh that cannot be shown, with the reason.
    */
   static async of(
     urdf: string,
@@ -67,24 +67,24 @@ export class Machine3D {
     const robot = loader.parse(urdf);
     await Promise.all(pending);
     for (const link of Object.values(robot.links)) merge(link);
-    // What a setup allows may be more than what the model's file does.
+    // A setup may allow more travel than the model's file.
     for (const joint of Object.values(robot.joints)) joint.ignoreLimits = true;
     return new Machine3D(robot);
   }
 
-  /** Moves the axes to where they are on the way to a row. */
+  /** Sets the axes to a fraction of the motion to a row. */
   pose(motion: Motion, row: number, done: number): void {
     motion.axes.forEach((axis, index) => {
       this.robot.joints[axis.name]?.setJointValue(motion.drawn(index, row, done) * scaleOf(axis));
     });
   }
 
-  /** Sets a joint that is no axis of a program, in metres or radians. */
+  /** Sets a joint that is not an axis of the program, in metres or radians. */
   set(joint: string, value: number): void {
     this.robot.joints[joint]?.setJointValue(value);
   }
 
-  /** Makes the frame and the head solid, or lets one look through them at what is made. */
+  /** Makes the frame and the head solid, or translucent so that the work is visible. */
   ghost(frame: boolean, head: boolean): void {
     for (const piece of this.frames) piece.paint(frame ? GHOST : SOLID);
     for (const piece of this.head) piece.paint(head ? VEIL : SOLID);
@@ -94,7 +94,7 @@ export class Machine3D {
     return this.robot.frames[name];
   }
 
-  /** Place of a frame in the machine at every row, (rows, 3) metres. */
+  /** Position of a frame in the machine at every row, (rows, 3) metres. */
   path(frame: string, motion: Motion): Float32Array {
     const chain = this.chain(frame);
     const steps = chain.map((node) => ({
@@ -135,7 +135,7 @@ export class Machine3D {
   }
 }
 
-/** A link's mesh, and beside it what gives it a depth when one looks through it. */
+/** A link's mesh, and a copy that only writes its depth while it is translucent. */
 class Piece {
   private readonly depth: Mesh;
 
@@ -173,7 +173,7 @@ function scaleOf(axis: Axis): number {
   return axis.revolute ? DEG : MM;
 }
 
-/** How the axes of a program move a node; axis -1 where none does. */
+/** How the program's axes move a node; axis -1 if none does. */
 function driveOf(node: Object3D, motion: Motion): Drive {
   const still = { axis: -1, along: new Vector3(), factor: 1, offset: 0, turns: false };
   if (!isJoint(node) || node.jointType === "fixed") return still;
@@ -189,7 +189,7 @@ function driveOf(node: Object3D, motion: Motion): Drive {
   };
 }
 
-/** Puts what is seen of a link into one mesh with the colours of its parts. */
+/** Merges the visuals of a link into one mesh, keeping their colours. */
 function merge(link: Object3D): void {
   const parts: BufferGeometry[] = [];
   for (const visual of link.children.filter((child) => "isURDFVisual" in child)) {
@@ -211,7 +211,7 @@ function coloured(mesh: Mesh<BufferGeometry, Material | Material[]>, toLink: Mat
     if (name !== "position" && name !== "normal") found.deleteAttribute(name);
   }
   found.applyMatrix4(new Matrix4().multiplyMatrices(toLink, matrixWorld));
-  // A model's colours are meant as the screen's.
+  // A model's colours are in sRGB.
   const color = material instanceof MeshPhongMaterial ? material.color.clone() : new Color(0.6, 0.63, 0.66);
   color.convertSRGBToLinear();
   const count = found.getAttribute("position").count;

@@ -6,7 +6,7 @@ export interface Axis {
   revolute: boolean;
 }
 
-/** The words that switch something: on at the first event, off at the second. */
+/** The events that switch each device on and off. */
 const SWITCHES: Record<string, [on: string, off: string]> = {
   shoe: ["shoe_down", "shoe_up"],
   roller: ["roller_down", "roller_up"],
@@ -17,7 +17,7 @@ const SWITCHES: Record<string, [on: string, off: string]> = {
   arc: ["arc_on", "arc_off"],
 };
 
-/** Index of the first value that is not below `value` among the first `count`, which ascend. */
+/** Index of the first value not below `value` among the first `count`, which are ascending. */
 export function lowerBound(ascending: ArrayLike<number>, value: number, count = ascending.length): number {
   let low = 0;
   let high = count;
@@ -30,9 +30,9 @@ export function lowerBound(ascending: ArrayLike<number>, value: number, count = 
 }
 
 /**
- * A program as motion: what every axis does in every row of the poses.
+ * A program as motion: the value of every axis in every row of the poses.
  *
- * A place in it is a row and a time: the row is the one that the machine is on its way to, or stands on.
+ * A position in it is a row and a time: the row is the one that the machine moves towards or stands at.
  */
 export class Motion {
   readonly axes: readonly Axis[];
@@ -41,7 +41,7 @@ export class Motion {
   readonly courses: Int32Array;
   readonly rows: number;
   readonly duration: number;
-  /** Switches that the program has words for. */
+  /** Switches that the program uses. */
   readonly switches: readonly string[];
   private readonly stated: Float32Array;
   private readonly held: Float32Array;
@@ -72,12 +72,12 @@ export class Motion {
     this.states = this.switched(events.map(([, words]) => words));
   }
 
-  /** Row that the machine is on its way to at a time, or stands on. */
+  /** Row that the machine moves towards, or stands at, at a time. */
   rowAt(time_s: number): number {
     return Math.min(lowerBound(this.times, time_s), Math.max(this.rows - 1, 0));
   }
 
-  /** How much of the way to the row is done at a time, 0 to 1. */
+  /** Fraction of the motion to the row that is done at a time, 0 to 1. */
   done(row: number, time_s: number): number {
     if (row === 0) return 1;
     const begin = this.times[row - 1]!;
@@ -85,7 +85,7 @@ export class Motion {
     return end > begin ? Math.min(Math.max((time_s - begin) / (end - begin), 0), 1) : 1;
   }
 
-  /** Value of an axis in mm or deg for drawing: one that is not stated yet is where it is first stated to be. */
+  /** Value of an axis in mm or deg for drawing; before an axis is stated, it has its first stated value. */
   drawn(axis: number, row: number, done: number): number {
     return this.between(this.held, axis, row, done);
   }
@@ -101,26 +101,26 @@ export class Motion {
     return bit >= 0 && row < this.rows && ((this.states[row]! >> bit) & 1) === 1;
   }
 
-  /** Number of the block that a row belongs to; 0 is the start. */
+  /** Number of a row's block; 0 is the start. */
   block(row: number): number {
     return this.blockOf[row] ?? 0;
   }
 
-  /** Row at the end of the block that is `blocks` later, or earlier, within the program. */
+  /** Row at the end of the block that is `blocks` later, or earlier if negative, within the program. */
   stepped(row: number, done: number, blocks: number): number {
     const inside = done < 1 || (row + 1 < this.rows && this.blockOf[row + 1] === this.blockOf[row]);
     const last = this.blockOf[this.rows - 1] ?? 0;
-    // Inside a block, a step on is to its end; a step back, to its begin.
+    // Inside a block, a step forward goes to its end; a step back, to its start.
     const target = this.blockOf[row]! + blocks - (inside && blocks > 0 ? 1 : 0);
     return lowerBound(this.blockOf, Math.min(Math.max(target, 0), last) + 1) - 1;
   }
 
-  /** Last row of a line, or of the nearest line before it that does something. */
+  /** Last row of a line, or of the nearest line before it that has rows. */
   rowOfLine(line: number): number {
     return Math.max(lowerBound(this.lines, line + 1) - 1, 0);
   }
 
-  /** First row of a course; -1 where it has none. */
+  /** First row of a course; -1 if it has none. */
   rowOfCourse(course: number): number {
     return this.courses.indexOf(course);
   }
@@ -142,7 +142,7 @@ export class Motion {
     }
   }
 
-  /** Blocks counted; the rows between which a circular block is drawn are one block. */
+  /** Numbers the blocks; all rows of a circular block count as one. */
   private numbered(): Int32Array {
     const { kinds, kind_names } = this.blocks;
     const numbers = new Int32Array(this.rows);
@@ -178,7 +178,7 @@ export class Motion {
 
 const motions = new WeakMap<Made, Motion>();
 
-/** The motion of a job's results, made once. */
+/** The motion of a job's results, cached. */
 export function motionOf(made: Made): Motion {
   const motion = motions.get(made) ?? new Motion(made.poses, made.blocks);
   motions.set(made, motion);

@@ -17,19 +17,19 @@ import { lowerBound } from "./motion";
 import type { Table } from "../data/types";
 
 const MM = 1e-3;
-// Tape is drawn so far above the surface, metres: more than a coarse mould is off it in most places.
+// Tape is drawn this far above the surface, metres: more than a coarsened mould deviates in most places.
 const LIFT = 0.4e-3;
-// While something moves, this many pairs are drawn at most, but for those at the ends of courses, where the cuts are.
+// During motion, at most this many pairs are drawn, besides those at the ends of courses, where the cuts are.
 const MOVING_PAIRS = 12_000;
 const CUT = 4;
-// A pair that is this share of the widest is no part of a cut.
+// A pair at least this share of the widest is not part of a cut.
 const FULL = 0.999;
-// Neighbours differ a little, so that one sees where a course ends.
+// Neighbouring courses differ slightly in colour, so that their borders are visible.
 const TAPE = [linear([52, 88, 126]), linear([92, 132, 172])];
 const SHADES = linear(ERRORS);
 const RED = linear(BEYOND);
 
-/** The quads of the tape between some of its pairs. */
+/** Quads of the tape between a selection of its pairs. */
 interface Weave {
   indices: Uint32Array;
   /** Quads up to every pair. */
@@ -107,7 +107,7 @@ export class Ribbons {
     this.select(0);
   }
 
-  /** Shows the tape that is laid at a time, more coarsely while it moves, and the centre lines ahead. */
+  /** Shows the tape laid by a time, coarser during motion, and the centre lines ahead. */
   show(time_s: number, moving: boolean): void {
     // Pairs of equal time are laid together.
     let pair = lowerBound(this.times, time_s) - 1;
@@ -124,7 +124,7 @@ export class Ribbons {
     this.moveTip(time_s, moving ? this.coarse : this.fine);
   }
 
-  /** Marks a course, also where it is not laid yet; 0 is none. */
+  /** Highlights a course, including the part not laid yet; 0 for none. */
   select(number: number): void {
     const course = this.courses.find((each) => each.number === number);
     this.chosen.visible = course !== undefined;
@@ -142,7 +142,7 @@ export class Ribbons {
   }
 
   /**
-   * Colours the tape by what was measured when it was laid.
+   * Colours the tape by the errors measured while it was laid.
    *
    * @param times seconds, ascending. @param errors at these times. @param most end of the ramp. @param limit of errors.
    */
@@ -151,14 +151,14 @@ export class Ribbons {
     for (let pair = 0; pair < this.times.length; pair++) {
       while (sample + 1 < times.length && times[sample]! < this.times[pair]!) sample += 1;
       const error = errors[sample] ?? Number.NaN;
-      // What was not measured keeps no limit.
+      // An error that was not measured counts as beyond the limit.
       const [colours, place] = error <= limit ? [SHADES, placeOf(error, most)] : [RED, 0];
       for (let value = 0; value < 6; value++) this.tapeColours[6 * pair + value] = colours[place + (value % 3)]!;
     }
     this.coloured();
   }
 
-  /** Number of the course that a ray in the machine's axes meets first; 0 for none. */
+  /** Number of the first course hit by a ray in the machine's axes; 0 for none. */
   hit(ray: Ray): number {
     let nearest = Infinity;
     let found = 0;
@@ -189,7 +189,7 @@ export class Ribbons {
     return ray.intersectTriangle(A, B, C, false, POINT) ? ray.origin.distanceToSquared(POINT) : Infinity;
   }
 
-  /** The piece between what is drawn of the tape and the nip. */
+  /** Draws the piece between the last drawn quad and the nip. */
   private moveTip(time_s: number, { ends }: Weave): void {
     const [last, next] = [this.pair, this.pair + 1];
     const { data, columns } = this.table;
@@ -211,7 +211,7 @@ export class Ribbons {
     for (const attribute of [position!, normal!, color!]) attribute.needsUpdate = true;
   }
 
-  /** Pieces of the centre lines, between pairs of full width; counts the indices before every pair. */
+  /** Segments of the centre lines between pairs of full width; also counts the indices before every pair. */
   private segments(): BufferAttribute {
     const indices: number[] = [];
     for (const { first, end } of this.courses) {
@@ -219,7 +219,7 @@ export class Ribbons {
       const full = FULL * widths.reduce((most, width) => Math.max(most, width), 0);
       this.paths[first] = indices.length;
       for (let pair = first; pair + 1 < end; pair++) {
-        // At a slanted cut the middle of the edges is not the middle of the tape.
+        // At a slanted cut, the midpoint of the edges is not on the centre line.
         if (Math.min(widths[pair - first]!, widths[pair + 1 - first]!) >= full) indices.push(pair, pair + 1);
         this.paths[pair + 1] = indices.length;
       }
@@ -250,7 +250,7 @@ function coursesOf(numbers: Float32Array): Course[] {
   return courses;
 }
 
-/** Left and right edge point of every pair, (2 pairs, 3) metres. */
+/** Left and right edge points of every pair, (2 pairs, 3) metres. */
 function cornersOf({ rows, columns, data, index }: Table): Float32Array {
   const corners = new Float32Array(6 * rows);
   const names = ["left_x_mm", "left_y_mm", "left_z_mm", "right_x_mm", "right_y_mm", "right_z_mm"];
@@ -270,7 +270,7 @@ function middlesOf(corners: Float32Array): Float32Array {
   return middles;
 }
 
-/** Unit normals out of the surface at every edge point: the travel across to the left. */
+/** Unit normals out of the surface at every edge point: the travel crossed with the left. */
 function normalsOf(corners: Float32Array, courses: readonly Course[]): Float32Array {
   const normals = new Float32Array(corners.length);
   const middles = middlesOf(corners);
@@ -282,7 +282,7 @@ function normalsOf(corners: Float32Array, courses: readonly Course[]): Float32Ar
       along.fromArray(middles, 3 * after).sub(first.fromArray(middles, 3 * before));
       left.fromArray(corners, 6 * pair).sub(first.fromArray(corners, 6 * pair + 3));
       normal.crossVectors(along, left);
-      // At the tip of a slanted cut there is no width, and so no plane: it lies as its neighbour does.
+      // The tip of a slanted cut has no width and so no plane; it takes its neighbour's normal.
       if (left.length() > 1e-5 && normal.length() > 1e-9) normal.normalize();
       else if (known >= 0) normal.fromArray(normals, 6 * known);
       else continue;
@@ -296,7 +296,7 @@ function normalsOf(corners: Float32Array, courses: readonly Course[]): Float32Ar
   return normals;
 }
 
-/** Quads between every so many pairs of each course, and around the pairs next to its ends, where the cuts are. */
+/** Quads between every n-th pair of each course, and between all pairs near its ends, where the cuts are. */
 function woven(courses: readonly Course[], pairs: number, stride: number): Weave {
   const quads = new Int32Array(pairs);
   const ends = new Int32Array(pairs);
@@ -318,7 +318,7 @@ function woven(courses: readonly Course[], pairs: number, stride: number): Weave
   return { indices: indices.slice(0, 6 * count), quads, ends };
 }
 
-/** A geometry of the same vertices that draws a range of its own. */
+/** A geometry that shares the vertices but has its own draw range. */
 function shared(geometry: BufferGeometry): BufferGeometry {
   const other = new BufferGeometry();
   for (const [name, values] of Object.entries(geometry.attributes)) other.setAttribute(name, values);

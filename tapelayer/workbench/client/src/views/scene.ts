@@ -8,14 +8,14 @@ import type { Clock, CreatePanel, Kind, Made, ScenePanel, Selection, Translate }
 import { type Colouring, Stage } from "./stage";
 import { DIRECTIONS, type Direction, drawable, View } from "./view";
 
-// A press that moves no farther than this is a click, pixels.
+// A press that moves no farther than this counts as a click, pixels.
 const CLICK = 4;
 const HOVER_MS = 60;
 const ZOOM = 0.8;
-// From so far above, the sine of the angle, the head hides what it works on.
+// Sine of the view's elevation above which the head hides the work.
 const STEEP = 0.8;
 
-/** The machine in 3D with what it made so far. */
+/** The machine in 3D with its work so far. */
 export const createScene: CreatePanel<ScenePanel> = (root, clock, t, selection) => {
   root.classList.add("scene");
   if (drawable()) return new ScenePicture(root, clock, t, selection);
@@ -42,7 +42,7 @@ class ScenePicture implements ScenePanel {
   private readonly point = new Vector3();
   private stage: Stage | null = null;
   private kind: Kind = FIRST;
-  // Counts what was asked for, so that what comes too late is not shown.
+  // Counts the requests, so that late answers are dropped.
   private asked = 0;
   private close = true;
   private hovering = 0;
@@ -138,7 +138,7 @@ class ScenePicture implements ScenePanel {
     this.look("iso", !stage.work.isEmpty());
   }
 
-  /** Brings everything to the clock's time. */
+  /** Updates everything to the clock's time. */
   private update(moving: boolean): void {
     if (!this.stage) return;
     this.stage.at(this.clock.row, this.clock.time, moving);
@@ -149,7 +149,7 @@ class ScenePicture implements ScenePanel {
     if (place) this.view.follow(place);
   }
 
-  /** Looks from a direction, or from the same as before, at the work or at the whole machine, or at the same as before. */
+  /** Looks from a direction at the work or at the whole machine; either stays as it was if not given. */
   private look(direction: Direction | null, close = this.close): void {
     if (!this.stage) return;
     this.close = close;
@@ -158,7 +158,7 @@ class ScenePicture implements ScenePanel {
     this.view.look(direction, near ? work : new Box3().setFromObject(machine.robot));
   }
 
-  /** Lets one see what is made, from above also through the head. */
+  /** Makes the machine translucent so that the work is visible; from above, the head too. */
   private uncover(): void {
     const { work, machine } = this.stage!;
     const near = this.close && !work.isEmpty();
@@ -182,14 +182,14 @@ class ScenePicture implements ScenePanel {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     this.pointer.set((2 * (event.clientX - left)) / width - 1, 1 - (2 * (event.clientY - top)) / height);
     this.raycaster.setFromCamera(this.pointer, this.view.camera);
-    // Lines are met within some pixels.
+    // Lines are hit within a few pixels.
     this.raycaster.params.Line.threshold = 0.006 * this.view.camera.position.distanceTo(this.view.controls.target);
     return this.stage?.hit(this.raycaster) ?? 0;
   }
 
   private hover(event: PointerEvent): void {
     if (event.buttons || this.hovering) return;
-    // A pointer moves more often than anybody reads.
+    // The pointer moves more often than the label needs to change.
     this.hovering = window.setTimeout(() => {
       this.hovering = 0;
       this.pointOut(event);

@@ -20,18 +20,18 @@ import { lowerBound, type Motion } from "./motion";
 import type { Table } from "../data/types";
 
 const MM = 1e-3;
-// The colours end at the thickness that this share of the samples stays below: few thick places do not pale the others.
+// The colour scale ends at this quantile of the thickness, so that a few thick spots do not pale the rest.
 const MOST = 0.99;
-// Samples this many times farther apart than usual have a hole or a step between them.
+// Samples this many times farther apart than usual are separated by a hole or a step.
 const FARTHEST = 3;
 const SHADES = linear(COAT);
 
-/** The coat on the part while it grows. Metres, in the machine's axes. */
+/** The growing coat on the part. Metres, in the machine's axes. */
 export class Coat {
   readonly object: Mesh<BufferGeometry>;
-  /** Thickness at which the colours end, in the table's unit. */
+  /** Thickness at which the colour scale ends, in the table's unit. */
   readonly most: number;
-  /** Whether it is thicker somewhere. */
+  /** Whether the coat is thicker than that somewhere. */
   readonly thicker: boolean;
   private readonly colours: BufferAttribute;
   private shown = Number.NaN;
@@ -46,7 +46,7 @@ export class Coat {
     geometry.computeVertexNormals();
     const material = new MeshLambertMaterial({
       ...{ vertexColors: true, side: DoubleSide },
-      // The lines of the passes lie on it.
+      // The lines of the passes must stay visible on the surface.
       ...{ polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 8 },
     });
     this.object = new Mesh(geometry, material);
@@ -60,7 +60,7 @@ export class Coat {
     return this.table.unit;
   }
 
-  /** Colours the part by what is on it at a time. */
+  /** Colours the part by the thickness at a time. */
   show(time_s: number): void {
     if (time_s === this.shown) return;
     this.shown = time_s;
@@ -91,7 +91,7 @@ export class Coat {
   }
 }
 
-/** Points (n, 3) in metres of a table that begins with x, y and z in mm. */
+/** Points (n, 3) in metres of a table whose first columns are x, y and z in mm. */
 export function pointsOf({ rows, columns, data }: Table): Float32Array {
   const points = new Float32Array(3 * rows);
   for (let row = 0; row < rows; row++) {
@@ -100,7 +100,7 @@ export function pointsOf({ rows, columns, data }: Table): Float32Array {
   return points;
 }
 
-/** Triangles between samples of a surface that is seen from above, without those over holes and steps. */
+/** Triangles between the samples of a surface in plan view, except across holes and steps. */
 function facetsOf(points: Float32Array): Uint32Array {
   const plan = new Float64Array((2 * points.length) / 3);
   for (let row = 0; row < plan.length / 2; row++) plan.set(points.subarray(3 * row, 3 * row + 2), 2 * row);
@@ -117,7 +117,7 @@ function facetsOf(points: Float32Array): Uint32Array {
   return triangles.filter((_, corner) => longest[Math.floor(corner / 3)]! <= FARTHEST * usual);
 }
 
-/** What comes out of the gun: a cone from the nozzle to the spot, or the brush where they touch. Metres. */
+/** The spray: a cone from the nozzle to the spot, or the brush if they touch. Metres. */
 export function sprayCone(standoff: number, spot: number): Mesh<BufferGeometry> {
   const geometry = standoff > 0 ? new ConeGeometry(spot / 2, standoff, 32, 1, true) : new CircleGeometry(spot / 2, 32);
   if (standoff > 0) geometry.rotateX(Math.PI / 2).translate(0, 0, standoff / 2);
@@ -125,7 +125,7 @@ export function sprayCone(standoff: number, spot: number): Mesh<BufferGeometry> 
   return new Mesh(geometry, new MeshBasicMaterial(look));
 }
 
-/** Lines along which the gun sprays: those rows between which the arc is on. */
+/** Lines along which the gun sprays, between rows with the arc on. */
 export class Passes {
   readonly object = new Group();
   private readonly lines: LineSegments<BufferGeometry, LineBasicMaterial>;
@@ -151,7 +151,7 @@ export class Passes {
     this.select(0);
   }
 
-  /** Marks a pass; 0 is none. */
+  /** Highlights a pass; 0 for none. */
   select(number: number): void {
     const lit = this.chosen.geometry.index!;
     const { courses } = this.motion;
@@ -165,7 +165,7 @@ export class Passes {
     this.chosen.geometry.setDrawRange(first, end - first);
   }
 
-  /** Number of the pass that a ray meets first; 0 for none. */
+  /** Number of the first pass hit by a ray; 0 for none. */
   hit(raycaster: Raycaster): number {
     const [found] = raycaster.intersectObject(this.lines);
     return found?.index == null ? 0 : (this.motion.courses[this.lines.geometry.index!.getX(found.index + 1)] ?? 0);

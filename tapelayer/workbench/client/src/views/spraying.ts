@@ -7,7 +7,7 @@ import type { Motion } from "./motion";
 import { Coat, Passes, sprayCone } from "./spray3d";
 import { MM, numberOf, partOf, type Work } from "./work";
 
-/** The part with the passes over it and the coat as it grows, and the cone of what is sprayed. */
+/** The part with the passes and the growing coat on it, and the spray cone. */
 export class Spraying implements Work {
   readonly object = new Group();
   readonly box = new Box3();

@@ -14,10 +14,10 @@ const WORKS: Record<Kind, (made: Made, machine: Machine3D, motion: Motion) => Pr
   spray: (made, machine, motion) => Spraying.of(made, machine, motion),
 };
 
-/** What stands in the view: a machine, and what a job makes with it. Metres, in the machine's axes. */
+/** Contents of the view: a machine and the work of a job. Metres, in the machine's axes. */
 export class Stage {
   readonly object = new Group();
-  /** What is made; empty without a job. */
+  /** Bounds of the work; empty without a job. */
   readonly work = new Box3();
   readonly motion: Motion | null;
   private made3d: Work | null = null;
@@ -30,7 +30,7 @@ export class Stage {
     this.motion = made && motionOf(made);
   }
 
-  /** Gets what the job made onto the stage. */
+  /** Adds the job's work to the stage. */
   async furnish(): Promise<void> {
     if (!this.made || !this.motion) return;
     this.made3d = await WORKS[this.made.kind](this.made, this.machine, this.motion);
@@ -38,14 +38,14 @@ export class Stage {
     this.work.union(this.made3d.box);
   }
 
-  /** Puts the machine and what it made where they are at a time of the program, on the way to a row; coarser while moving. */
+  /** Shows the machine and the work at a time of the program, moving towards a row; coarser during motion. */
   at(row: number, time_s: number, moving: boolean): void {
     if (!this.motion?.rows) return;
     this.machine.pose(this.motion, row, this.motion.done(row, time_s));
     this.made3d?.show(time_s, row, moving);
   }
 
-  /** Place of the tool. */
+  /** Position of the tool. */
   tool(place: Vector3): Vector3 | null {
     const frame = this.machine.frame("contact") ?? this.machine.frame("P");
     return frame ? frame.getWorldPosition(place) : null;
@@ -55,17 +55,17 @@ export class Stage {
     this.made3d?.select(course);
   }
 
-  /** Number of the course or pass under a ray; 0 for none. */
+  /** Number of the course or pass hit by a ray; 0 for none. */
   hit(raycaster: Raycaster): number {
     return this.made3d?.hit(raycaster) ?? 0;
   }
 
-  /** Whether what was made can be coloured by its errors. */
+  /** Whether the work can be coloured by its errors. */
   get measured(): boolean {
     return this.made3d?.measured ?? false;
   }
 
-  /** Colours what was made; gives the scale of the colours where they have one. */
+  /** Colours the work; returns the colour scale if there is one. */
   colour(by: Colouring): HTMLElement | null {
     return this.made3d?.colour(by) ?? null;
   }

@@ -9,20 +9,20 @@ export const DIRECTIONS = {
 } as const;
 export type Direction = keyof typeof DIRECTIONS;
 
-// Software renderers draw every pixel slowly: so many frames a second, and so many pixels while something moves.
+// Software renderers are slow per pixel, so the frame rate and the number of pixels are capped.
 const FRAME_MS = 1000 / 30;
 const MOVING_PIXELS = 1_500_000;
 const RESTING_PIXELS = 4_000_000;
-// After so long without a change nothing moves any longer; a renderer that is slow is given longer.
+// After this long without a change the view counts as at rest; slow renderers get longer.
 const REST_MS = 300;
 const SLOWEST_MS = 1000;
 
-/** Whether this browser can draw in 3D at all. */
+/** Whether this browser supports WebGL 2. */
 export function drawable(): boolean {
   return document.createElement("canvas").getContext("webgl2") !== null;
 }
 
-/** A camera on a scene that is drawn when something has changed, and not otherwise. Metres, z up. */
+/** A camera and its scene, redrawn only after a change. Metres, z up. */
 export class View {
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(35, 1, 0.02, 100);
@@ -38,9 +38,9 @@ export class View {
 
   /**
    * @param host element that the canvas fills.
-   * @param onLost told when the graphics context goes and when it comes back.
-   * @param beforeDraw brings the scene up to date right before it is drawn; told whether more will follow soon.
-   * @param busy whether something moves on by itself.
+   * @param onLost called when the graphics context is lost and when it is restored.
+   * @param beforeDraw updates the scene right before it is drawn; its argument says whether more frames follow soon.
+   * @param busy whether something keeps moving by itself.
    */
   constructor(
     private readonly host: HTMLElement,
@@ -72,12 +72,12 @@ export class View {
     this.observer.observe(host);
   }
 
-  /** Draws soon. */
+  /** Requests a redraw. */
   draw(): void {
     if (!this.frame) this.frame = requestAnimationFrame(this.tick);
   }
 
-  /** Looks at all of a box. */
+  /** Fits a box into the view. */
   look(direction: Direction | null, box: Box3): void {
     if (box.isEmpty()) return;
     box.getBoundingSphere(this.sphere);
@@ -90,7 +90,7 @@ export class View {
     this.draw();
   }
 
-  /** Moves the view so that a point is in its middle. */
+  /** Centres the view on a point. */
   follow(point: Vector3): void {
     this.camera.position.add(point).sub(this.controls.target);
     this.controls.target.copy(point);
@@ -117,7 +117,7 @@ export class View {
     this.rest = window.setTimeout(() => this.sharpen(), REST_MS + 2 * slowness);
   };
 
-  /** Draws once more with all that there is, when nothing moves any longer. */
+  /** Redraws in full detail once nothing moves. */
   private sharpen(): void {
     if (!this.frame && !this.busy()) this.render(false);
   }
