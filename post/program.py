@@ -42,7 +42,7 @@ def write(
     at the first motion with a known value. The feed word is computed from the rounded end points. A motion in which no
     rounded word changes is written as a dwell of its duration; a brief one is dropped and its time is added to the next
     block if that is a straight motion, or else collected into one dwell. An axis that the control does not interpolate
-    is written as its table says, and a block that moves no other is followed by a dwell of the block's duration. Runs
+    is written as its table states, and a block that moves no other is followed by a dwell of the block's duration. Runs
     of straight blocks on one circle are written as circular blocks where the control's table has planes for them.
 
     Args:

@@ -47,7 +47,7 @@ class Quantity(Generic[Measured]):
         style: its format.
         absent: why it may have no value.
         required: whether a program fails if it cannot be measured.
-        headline: whether it stands beside the verdict.
+        headline: whether it is shown beside the verdict.
         samples: field of the samples of which it is the largest magnitude, where there are plots along the courses.
         curves: fields of the samples to plot, with their names.
     """
