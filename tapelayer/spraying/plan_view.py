@@ -8,17 +8,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints
-from tapelayer.reporting.drawing import (
-    Panel,
-    PlotCurve,
-    element,
-    extent,
-    heading_of,
-    polyline,
-    px,
-    range_of,
-    svg,
-)
+from tapelayer.reporting.drawing import Panel, PlotCurve, element, extent, heading_of, polyline, px, range_of, svg
 from tapelayer.reporting.map_marks import COLOURS, arrowhead, colour_bar, heading, plan_panel, scale_bar
 from tapelayer.spraying.coat import Coat
 from tapelayer.spraying.passes import Plan

@@ -19,7 +19,7 @@ from tapelayer.reporting.quantity import Group, Style, quantities
 from tapelayer.reporting.words import Words
 from tapelayer.setups.forms import Values, schema_of, text_of_values, values_of
 from tapelayer.units import DEG, MM
-from tapelayer.workbench.api import content
+from tapelayer.workbench.answers import content
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 
 EXAMPLES = {

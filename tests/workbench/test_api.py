@@ -22,7 +22,7 @@ from tapelayer.cli import main
 from tapelayer.laying.job import Job
 from tapelayer.laying.settings import Setup
 from tapelayer.setups.sections import parse_setup
-from tapelayer.workbench import api
+from tapelayer.workbench import answers, api
 from tapelayer.workbench.problems import Problem
 from tests.helpers.forms import FORM, Part, body_of
 from tests.helpers.panels import sheet, write_stl
@@ -443,7 +443,7 @@ def test_jobs_are_cancelled_and_removed(workbench: Workbench, folder: Path) -> N
 def test_a_file_that_goes_before_it_is_sent_is_not_found(tmp_path: Path) -> None:
     file = tmp_path / "source"
     file.write_bytes(b"")
-    answer = api.JobFile(file)
+    answer = answers.JobFile(file)
     file.unlink()
     scope = {"type": "http", "method": "GET", "headers": []}
     with pytest.raises(Problem, match="^this job has just been removed$") as problem:
