@@ -13,7 +13,8 @@ import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.errors import ModelRefused
-from tapelayer.machines.machine import CHUNK, Machine, cosine_and_sine
+from tapelayer.machines.columns import cosine_and_sine
+from tapelayer.machines.machine import CHUNK, Machine
 
 # The order of every pose here: d1, d2, d3, theta4, theta5.
 POSE = ("x", "y", "z", "c", "a")

@@ -16,16 +16,23 @@ import pinocchio
 
 from tapelayer.arrays import Floats
 from tapelayer.errors import ConfigurationRefused, ModelRefused
+from tapelayer.machines.columns import (
+    STILL,
+    Columns,
+    Entry,
+    add,
+    compose,
+    constant,
+    cosine_and_sine,
+    fill,
+    product,
+    rows_of,
+    snapped,
+)
 from urdf import TAPELAYER
-
-# One number for all rows, or (n,) one for each.
-Entry = float | Floats
 
 # Rows evaluated at a time, so that the columns of a chunk stay in the cache.
 CHUNK = 1 << 14
-
-# rpy angles such as pi/2 leave rounding of a few 1e-16 in entries of 0 and 1; folding needs the exact values.
-_ROUNDING = 1e-15
 
 _MOVING = ("revolute", "continuous", "prismatic")
 
@@ -47,18 +54,6 @@ class Axis:
     lower: float
     upper: float
     speed: float
-
-
-class Columns(NamedTuple):
-    """Poses as separate entries, constants as floats; entries may share one array, so do not write to them.
-
-    Attributes:
-        rotation: rows of the rotation matrix; its columns are the frame's x, y, z in root axes.
-        translation: origin of the frame in root axes, metres.
-    """
-
-    rotation: tuple[tuple[Entry, Entry, Entry], ...]
-    translation: tuple[Entry, ...]
 
 
 class _Joint(NamedTuple):
@@ -201,7 +196,7 @@ class Machine:
         for start in range(0, len(values), CHUNK):
             rows = slice(start, start + CHUNK)
             for name, columns in self._walk(values[rows], ends).items():
-                _fill(poses[name][rows], columns)
+                fill(poses[name][rows], columns)
         return poses
 
     def columns(self, q: Floats, frame: str) -> Columns:
@@ -267,12 +262,12 @@ class Machine:
         return self._frames[name]
 
     def _walk(self, values: Floats, ends: Mapping[str, _Frame]) -> dict[str, Columns]:
-        poses: dict[int, Columns] = {0: _STILL}
+        poses: dict[int, Columns] = {0: STILL}
         for joint in sorted(self._ancestors(end.joint for end in ends.values())):
             constants = self._joints[joint]
             column = np.ascontiguousarray(values[:, constants.column])
-            poses[joint] = _compose(poses[constants.parent], _moved(constants, column))
-        return {name: _compose(poses[end.joint], end.placement) for name, end in ends.items()}
+            poses[joint] = compose(poses[constants.parent], _moved(constants, column))
+        return {name: compose(poses[end.joint], end.placement) for name, end in ends.items()}
 
     def _ancestors(self, joints: Iterable[int]) -> set[int]:
         ancestors: set[int] = set()
@@ -346,7 +341,7 @@ def _check_axis(path: Path, axis: Axis) -> None:
 def _joints(path: Path, model: pinocchio.Model, column_of: Mapping[int, int]) -> tuple[_Joint, ...]:
     neutral = pinocchio.neutral(model)
     # Joint 0 is the root: it never moves and is never evaluated.
-    joints = [_Joint(0, 0, False, 1.0, 0.0, _STILL, (), (), ())]
+    joints = [_Joint(0, 0, False, 1.0, 0.0, STILL, (), (), ())]
     for index in range(1, model.njoints):
         joint = model.joints[index]
         state = joint.createData()
@@ -372,10 +367,10 @@ def _joints(path: Path, model: pinocchio.Model, column_of: Mapping[int, int]) ->
                 revolute=revolute,
                 scaling=scaling,
                 offset=offset,
-                still=_constant(rotation @ projector if revolute else rotation, origin),
-                cosine=_snapped(rotation @ (np.eye(3) - projector)),
-                sine=_snapped(rotation @ pinocchio.skew(axis)),
-                slide=_snapped(rotation @ linear),
+                still=constant(rotation @ projector if revolute else rotation, origin),
+                cosine=snapped(rotation @ (np.eye(3) - projector)),
+                sine=snapped(rotation @ pinocchio.skew(axis)),
+                slide=snapped(rotation @ linear),
             )
         )
     return tuple(joints)
@@ -387,7 +382,7 @@ def _frames(model: pinocchio.Model) -> dict[str, _Frame]:
         # Where a link and a joint share a name, the link is meant.
         if frame.name not in frames or frame.type == pinocchio.FrameType.BODY:
             placement = frame.placement
-            frames[frame.name] = _Frame(int(frame.parentJoint), _constant(placement.rotation, placement.translation))
+            frames[frame.name] = _Frame(int(frame.parentJoint), constant(placement.rotation, placement.translation))
     return frames
 
 
@@ -396,100 +391,15 @@ def _frame_index(model: pinocchio.Model, name: str) -> int:
     return int(model.getFrameId(name, link) if model.existFrame(name, link) else model.getFrameId(name))
 
 
-def _snapped(values: Floats) -> list[float]:
-    """Return the entries of values of any shape, row by row, rounded where they are close to an integer."""
-    entries: list[float] = values.ravel().tolist()
-    return [float(round(entry)) if abs(entry - round(entry)) <= _ROUNDING else entry for entry in entries]
-
-
-def _constant(rotation: Floats, translation: Floats) -> Columns:
-    rows = _rows(_snapped(rotation))
-    return Columns(_UNTURNED if rows == _UNTURNED else rows, tuple(_snapped(translation)))
-
-
-def _rows(entries: Sequence[Entry]) -> tuple[tuple[Entry, Entry, Entry], ...]:
-    """Return the rows of a rotation matrix from its nine entries."""
-    return tuple((entries[i], entries[i + 1], entries[i + 2]) for i in (0, 3, 6))
-
-
-# The identity is always this very object, so that `is` recognises it.
-_UNTURNED = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-_STILL = Columns(_UNTURNED, (0.0, 0.0, 0.0))
-
-
 def _moved(joint: _Joint, column: Floats) -> Columns:
     """Return the joint's placement in its parent for (n,) values of its axis."""
-    value: Entry = _sum(_product(joint.scaling, column), joint.offset)
+    value: Entry = add(product(joint.scaling, column), joint.offset)
     rotation, origin = joint.still
     if not joint.revolute:
-        return Columns(rotation, tuple(_sum(p, _product(s, value)) for p, s in zip(origin, joint.slide, strict=True)))
+        return Columns(rotation, tuple(add(p, product(s, value)) for p, s in zip(origin, joint.slide, strict=True)))
     cosine, sine = cosine_and_sine(np.asarray(value))
     entries = [
-        _sum(_sum(still, _product(c, cosine)), _product(s, sine))
+        add(add(still, product(c, cosine)), product(s, sine))
         for still, c, s in zip(chain.from_iterable(rotation), joint.cosine, joint.sine, strict=True)
     ]
-    return Columns(_rows(entries), origin)
-
-
-def cosine_and_sine(angles: Floats) -> tuple[Floats, Floats]:
-    """Return cosines and sines of angles of any shape in radians, within 4e-16.
-
-    Both come from one tangent, the function that NumPy vectorises best.
-
-    Examples:
-        >>> cosines, sines = cosine_and_sine(np.radians([0.0, 60.0, 90.0]))
-        >>> np.round(cosines, 6).tolist(), np.round(sines, 6).tolist()
-        ([1.0, 0.5, 0.0], [0.0, 0.866025, 1.0])
-    """
-    half = np.tan(0.5 * angles)
-    share = 2.0 / (1.0 + half * half)
-    return share - 1.0, half * share
-
-
-def _compose(parent: Columns, child: Columns) -> Columns:
-    # Unrolled over entries, not samples, so that zeros and ones fold away before any array is touched.
-    if parent.rotation is _UNTURNED:
-        return Columns(child.rotation, tuple(map(_sum, parent.translation, child.translation)))
-    moved = tuple(
-        _sum(start, _dot(row, child.translation))
-        for start, row in zip(parent.translation, parent.rotation, strict=True)
-    )
-    if child.rotation is _UNTURNED:
-        return Columns(parent.rotation, moved)
-    columns = tuple(zip(*child.rotation, strict=True))
-    turned = tuple((_dot(row, columns[0]), _dot(row, columns[1]), _dot(row, columns[2])) for row in parent.rotation)
-    return Columns(turned, moved)
-
-
-def _dot(row: Sequence[Entry], column: Sequence[Entry]) -> Entry:
-    return _sum(_sum(_product(row[0], column[0]), _product(row[1], column[1])), _product(row[2], column[2]))
-
-
-def _product(a: Entry, b: Entry) -> Entry:
-    if isinstance(b, float):
-        a, b = b, a
-    if isinstance(a, float):
-        if a == 0.0:
-            return 0.0
-        if a == 1.0:
-            return b
-        if a == -1.0:
-            return -b
-    return a * b
-
-
-def _sum(a: Entry, b: Entry) -> Entry:
-    if isinstance(a, float) and a == 0.0:
-        return b
-    if isinstance(b, float) and b == 0.0:
-        return a
-    return a + b
-
-
-def _fill(poses: Floats, columns: Columns) -> None:
-    """Write entries into (n, 4, 4) zeros."""
-    poses[:, 3, 3] = 1.0
-    for i in range(3):
-        for j, entry in enumerate((*columns.rotation[i], columns.translation[i])):
-            if not (isinstance(entry, float) and entry == 0.0):
-                poses[:, i, j] = entry
+    return Columns(rows_of(entries), origin)
