@@ -1,4 +1,4 @@
-"""A controller of one's own: a built-in table with three changes, and no code.
+"""A controller of one's own: a built-in table with five changes, and no code.
 
 .venv/bin/python examples/own_controller.py [FOLDER]
 """
@@ -15,7 +15,8 @@ CHANGES = {
     'comment = "("': 'comment = ";"',
     "number_step = 10": "number_step = 1",
     'mode = "per_minute"': 'mode = "inverse_time"',
-    "modal = true": "modal = false",  # one over a block's minutes says nothing of the next block
+    'restated = ["G90"]': 'restated = ["G90", "G93"]',  # F is one over the block's minutes from here on
+    "modal = true": "modal = false",  # and says nothing of the next block
 }
 
 
@@ -34,8 +35,9 @@ def main() -> None:
     result = job.make("flat.nc")
     (folder / "flat.nc").write_bytes(result.text)
     lines = result.text.decode("ascii").splitlines()
-    print("\n".join(lines[5:8] + [line for line in lines if " G01 " in line][:3]))
-    print(f"controller {job.controller.name}: {'passed' if result.evidence.passed else result.failure}")
+    print("\n".join(line for line in lines[:60] if " G01 " in line or line.startswith(";")))
+    verdict = "passed" if result.evidence.passed else f"failed: {result.failure}"
+    print(f"controller {job.controller.name}: {verdict}, {result.evidence.duration:.1f} s")
 
 
 if __name__ == "__main__":
