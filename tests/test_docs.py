@@ -73,6 +73,14 @@ def test_the_drawing_of_the_rooms_is_in_import_order() -> None:
     assert [room.split(" · ") for room in ROOMS] == [floors[0], ["tapelayer"], *floors[3:]]
 
 
+def test_the_readmes_layout_is_what_there_is() -> None:
+    layout = (ROOT / "README.md").read_text().partition("## Layout\n")[2].partition("\n\nEach package")[0]
+    top, within = (re.findall(rf"^ {{{margin}}}(\w\S+)", layout, re.MULTILINE) for margin in (4, 6))
+    assert set(top) == {f"{path.parent.name}/" for path in ROOT.glob("*/*.py") if path.parent.name != "build"}
+    packages = {f"{path.parent.name}/" for path in (ROOT / "tapelayer").glob("*/__init__.py")}
+    assert set(within) == packages | {"cli.py"}
+
+
 def test_the_readmes_python_runs(tmp_path: Path) -> None:
     code = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     assert code
