@@ -1,1 +1,1 @@
-"""Course files and a model to try the commands on: natural paths, and a panel, on analytic surfaces."""
+"""Examples: course files and a model, all on analytic surfaces, and scripts that show what the library does."""
