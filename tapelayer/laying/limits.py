@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from tapelayer.laying.settings import Setup
+from tapelayer.reporting.not_judged import ACCELERATION, COLLISION, CONTROL_TIME
 from tapelayer.verification.limits import Limit, Limits
+
+# What no measurement of this machine's programs covers.
+NOT_JUDGED = (COLLISION, ACCELERATION, CONTROL_TIME)
 
 LIMITED = (
     "max_position_error_mm",

@@ -9,6 +9,7 @@ from enum import Enum
 from typing import Any, Generic, TypeVar
 
 from tapelayer.provenance import VERSION
+from tapelayer.reporting.not_judged import english
 from tapelayer.reporting.words import NOT_MEASURED, Words, shown
 from tapelayer.units import json_number
 from tapelayer.verification.axis_use import AxisUse
@@ -160,7 +161,9 @@ def quantities(rows: Sequence[Row[Measured]], group: Group | None = None) -> lis
     return [row for row in rows if isinstance(row, Quantity) and group in (None, row.group)]
 
 
-def numbers(rows: Sequence[Row[Measured]], measured: Measured, findings: Findings) -> dict[str, Any]:
+def numbers(
+    rows: Sequence[Row[Measured]], measured: Measured, findings: Findings, not_judged: tuple[Words, ...] = ()
+) -> dict[str, Any]:
     """Return a report as plain values for JSON, millimetres and degrees.
 
     Values not measured are None, and fail the report where their row is required.
@@ -169,6 +172,7 @@ def numbers(rows: Sequence[Row[Measured]], measured: Measured, findings: Finding
         rows: of the kind of machine.
         measured: measurements from which the rows take their values.
         findings: verdict and axes of the same program.
+        not_judged: what no verdict covers.
     """
     values = {row.key: row.measure(measured) for row in rows}
     failures = [failure.values() for failure in findings.failures]
@@ -188,6 +192,7 @@ def numbers(rows: Sequence[Row[Measured]], measured: Measured, findings: Finding
         **{row.key: row.plain(values[row.key]) for row in rows},
         "axes": {axis.name: axis.values() for axis in findings.axes},
         "passed": not failures,
+        "not_judged": list(english(not_judged)),
         "failures": failures,
     }
 

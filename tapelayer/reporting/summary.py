@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from tapelayer.reporting.not_judged import sentence
 from tapelayer.reporting.quantity import Group, Measured, Quantity, Row, quantities
 from tapelayer.reporting.words import plain, shown
 from tapelayer.verification.limits import Limit, Limits
@@ -26,6 +27,8 @@ def summary(
     """
     title = Text("passed", "bold green") if report["passed"] else Text("FAILED", "bold red")
     table = Table(title=Text("Verification: ").append_text(title), title_justify="left", title_style="")
+    if report["not_judged"]:
+        table.caption, table.caption_justify = Text(sentence(report["not_judged"]), "yellow"), "left"
     table.add_column("quantity")
     for heading in ("value", "limit", "top speed /s"):
         table.add_column(heading, justify="right")

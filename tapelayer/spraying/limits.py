@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from tapelayer.reporting.not_judged import ACCELERATION, COLLISION, CONTROL_TIME
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.verification.limits import Limit, Limits
+
+# What no measurement of this machine's programs covers.
+NOT_JUDGED = (COLLISION, ACCELERATION, CONTROL_TIME)
 
 
 def limits_of(setup: SpraySetup) -> Limits:
