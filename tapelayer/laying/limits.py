@@ -27,7 +27,7 @@ def limits_of(setup: Setup) -> Limits:
     Examples:
         >>> published = Setup().with_values("process", kinematics="published")
         >>> limits_of(published)["max_roller_tilt_deg"]
-        Limit(value=0.05, judged=False)
+        Limit(value=0.05, judged=False, least=False)
     """
     limits = setup.verification
     free = POSE - limits.model_fields_set if setup.process.kinematics == "published" else frozenset()

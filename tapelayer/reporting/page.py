@@ -149,10 +149,11 @@ def _quantity_cells(row: Quantity[Measured], value: float | None, limits: Limits
     cells: Cells = [row.words.en, row.shown(value, with_unit=False), row.unit]
     limit = limits.get(row.key)
     if limit is None:
-        return [*cells, "", "", ""]
+        return [*cells, "", element("span", "not judged", class_="open") if row.optional else "", ""]
     share = "" if value is None else f"{value / limit.value:,.0%}"
     bar = range_bar(0.0, value, 0.0, limit.value, not limit.kept(value))
-    return [*cells, plain(limit.value), share if limit.judged else f"{share}, not judged", bar]
+    bound = f"{'at least ' if limit.least else ''}{plain(limit.value)}"
+    return [*cells, bound, share if limit.judged else f"{share}, not judged", bar]
 
 
 def axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:

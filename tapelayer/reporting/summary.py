@@ -57,5 +57,6 @@ def _cells(row: Quantity[Measured], report: dict[str, Any], limit: Limit | None)
     """Return the words, value and limit of a quantity."""
     value = row.shown(report[row.key])
     if limit is None:
-        return row.words.en, value, ""
-    return row.words.en, value, f"{plain(limit.value)} {row.unit}{'' if limit.judged else ', not judged'}"
+        return row.words.en, value, "not judged" if row.optional else ""
+    bound = f"{'at least ' if limit.least else ''}{plain(limit.value)} {row.unit}".rstrip()
+    return row.words.en, value, f"{bound}{'' if limit.judged else ', not judged'}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.pitch import widest_pitch
 from tapelayer.spraying.pose_file import trajectory_text
 from tapelayer.spraying.program import Spraying, spray
-from tapelayer.spraying.quantities import ROWS, Judged
+from tapelayer.spraying.quantities import ROWS, Judged, limited
 from tapelayer.spraying.reach import Reach, placement
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import MM
@@ -199,7 +199,10 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             slowdowns=plan.slowdowns,
             pitch=self.pitch,
             standoff=self.setup.standoff,
+            speed=self.setup.speed,
         )
+        evidence = limited(judged)
+        judged = replace(judged, evidence=evidence)
         return SprayResult(trajectory, evidence, text, remarks, self, plan, judged)
 
 

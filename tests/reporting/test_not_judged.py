@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from rich.console import Console
 
+from tapelayer.jobs.job import JobResult
 from tapelayer.jobs.kinds import KindName, kind_of
 from tapelayer.workbench.catalogue import list_quantities
 from tests.helpers.kinds import KINDS, job_of_kind, made
@@ -19,7 +21,7 @@ NAMES = "collision, acceleration, the control's own time"
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("damaged", [False, True], ids=["passed", "failed"])
 def test_reports_name_what_is_not_judged(kind: KindName, damaged: bool) -> None:
-    found = made(kind)
+    found: JobResult[Any] = made(kind)
     if damaged:
         lines = found.text.splitlines(keepends=True)
         found = job_of_kind(kind).judge(
