@@ -60,3 +60,18 @@ def _cells(row: Quantity[Measured], report: dict[str, Any], limit: Limit | None)
         return row.words.en, value, "not judged" if row.optional else ""
     bound = f"{'at least ' if limit.least else ''}{plain(limit.value)} {row.unit}".rstrip()
     return row.words.en, value, f"{bound}{'' if limit.judged else ', not judged'}"
+
+
+def explained(rows: Sequence[Row[Measured]], limits: Limits) -> Table:
+    """Return the table of what a kind reports: key, words, unit, limit and meaning.
+
+    Args:
+        rows: of the kind of machine.
+        limits: of its default setup.
+    """
+    table = Table("key", "quantity", "unit", "limit", "meaning", show_lines=True)
+    for row in quantities(rows):
+        limit = limits.get(row.key)
+        bound = ("where set" if row.optional else "") if limit is None else plain(limit.value)
+        table.add_row(*(Text(cell) for cell in (row.key, row.words.en, row.unit, bound, row.about.en)))
+    return table
