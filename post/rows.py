@@ -144,6 +144,7 @@ def head(controller: Controller, provenance: Provenance) -> bytes:
         f"controller: {controller.name}",
         f"units: mm, deg, s, feed in {per}",
         *(f"note: {note}" for note in provenance.notes),
+        *([f"not judged: {', '.join(provenance.not_judged)}"] if provenance.not_judged else []),
     ]
     first = f"{controller.blocks.first_line}\n" if controller.blocks.first_line else ""
     return first.encode("ascii") + b"".join(_comment(line, controller) for line in lines)

@@ -20,6 +20,7 @@ class Provenance:
         setup_sha256: SHA-256 of the effective setup, hexadecimal.
         version: version of this package.
         notes: further header lines, one comment each.
+        not_judged: what no verdict on the program covers.
     """
 
     source: str
@@ -27,6 +28,7 @@ class Provenance:
     setup_sha256: str
     version: str
     notes: tuple[str, ...] = ()
+    not_judged: tuple[str, ...] = ()
 
     def check_setup(self, named: str, program: str) -> None:
         """Refuse a program whose header names another setup.

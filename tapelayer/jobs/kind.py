@@ -12,6 +12,7 @@ from tapelayer.geometry.mesh import Mesh
 from tapelayer.jobs.job import MachineJob
 from tapelayer.jobs.stages import Weights
 from tapelayer.reporting.quantity import Row
+from tapelayer.reporting.words import Words
 from tapelayer.setups.sections import JobSetup
 from tapelayer.verification.limits import Limits
 
@@ -129,6 +130,7 @@ class JobKind:
         read: makes jobs from files.
         rows: of its report.
         limits: of a setup.
+        not_judged: what no verdict on its programs covers.
         making: stages of making a program.
         judging: stages of judging one.
         scene: makes the page's drawing from a result and the mould, if any.
@@ -145,6 +147,7 @@ class JobKind:
     read: ReadsFiles
     rows: tuple[Row[Any], ...]
     limits: Callable[[Any], Limits]
+    not_judged: tuple[Words, ...]
     making: Weights
     judging: Weights
     scene: Callable[[Any, Mesh | None], Scene]

@@ -19,12 +19,14 @@ from tapelayer.jobs.stages import PLANNING
 from tapelayer.laying import page
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.inspection import Inspector
+from tapelayer.laying.limits import NOT_JUDGED
 from tapelayer.laying.program import plan
 from tapelayer.laying.quantities import ROWS
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.progress import Steps
 from tapelayer.provenance import VERSION, Provenance
+from tapelayer.reporting.not_judged import english
 from tapelayer.reporting.quantity import numbers
 from tapelayer.reporting.summary import summary
 from urdf import TAPELAYER
@@ -84,6 +86,7 @@ class Job(MachineJob[None, Evidence]):
             source_sha256=hashlib.sha256(data).hexdigest(),
             setup_sha256=setup.sha256(machine.path.read_bytes()),
             version=VERSION,
+            not_judged=english(NOT_JUDGED),
         )
         return Job(setup, machine, controller, provenance, parse_courses(data, name))
 
@@ -143,7 +146,7 @@ class LayingResult(JobResult[Evidence]):
 
     def report(self) -> dict[str, Any]:
         """Return the report as plain values for JSON; docs/report.md describes every key."""
-        return numbers(ROWS, self.evidence, self.evidence)
+        return numbers(ROWS, self.evidence, self.evidence, NOT_JUDGED)
 
     def summary(self) -> Table:
         """Return the report as a table for a terminal."""

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from tapelayer.laying.settings import Setup
+from tapelayer.reporting.not_judged import ACCELERATION, COLLISION, CONTROL_TIME
 from tapelayer.verification.limits import Limit, Limits
+
+# What no measurement of this machine's programs covers.
+NOT_JUDGED = (COLLISION, ACCELERATION, CONTROL_TIME)
 
 LIMITED = (
     "max_position_error_mm",
@@ -23,7 +27,7 @@ def limits_of(setup: Setup) -> Limits:
     Examples:
         >>> published = Setup().with_values("process", kinematics="published")
         >>> limits_of(published)["max_roller_tilt_deg"]
-        Limit(value=0.05, judged=False)
+        Limit(value=0.05, judged=False, least=False)
     """
     limits = setup.verification
     free = POSE - limits.model_fields_set if setup.process.kinematics == "published" else frozenset()

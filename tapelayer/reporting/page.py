@@ -8,6 +8,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, tostring
 
 from tapelayer.reporting.drawing import element, px, svg, table
+from tapelayer.reporting.not_judged import sentence
 from tapelayer.reporting.quantity import Group, Measured, Quantity, Row, quantities
 from tapelayer.reporting.words import plain, shown, worded
 from tapelayer.verification.axis_use import AxisUse
@@ -67,7 +68,7 @@ def verdict(rows: Sequence[Row[Measured]], report: dict[str, Any], limits: Limit
     if failures:
         first = _sentence(failures[0])
         words = f"FAILED: {len(failures):,} failure{'s' if len(failures) > 1 else ''}, the first: {first}"
-        return element("p", words, class_="verdict failed")
+        return element("p", words, *_free(report), class_="verdict failed")
     kept = "every limit" if all(limit.judged for limit in limits.values()) else "every limit that is judged"
     words = f"PASSED: {report['blocks']:,} blocks over {report[parts]:,} {parts} keep {kept}"
     position = next(row for row in quantities(rows) if row.key == "max_position_error_mm")
@@ -78,8 +79,14 @@ def verdict(rows: Sequence[Row[Measured]], report: dict[str, Any], limits: Limit
         if row.key in limits and not limits[row.key].judged and not limits[row.key].kept(report[row.key])
     ]
     if not beyond:
-        return element("p", words, class_="verdict passed")
-    return element("p", f"{words}. NOT JUDGED: {', '.join(beyond)}", class_="verdict unjudged")
+        return element("p", words, *_free(report), class_="verdict passed")
+    return element("p", f"{words}. NOT JUDGED: {', '.join(beyond)}", *_free(report), class_="verdict unjudged")
+
+
+def _free(report: dict[str, Any]) -> list[Element | str]:
+    """Return what no verdict on the program covers, to stand beside it; nothing if there is none."""
+    names = report["not_judged"]
+    return ["; ", element("span", sentence(names), class_="free")] if names else []
 
 
 def _sentence(failure: dict[str, Any]) -> str:
@@ -142,10 +149,11 @@ def _quantity_cells(row: Quantity[Measured], value: float | None, limits: Limits
     cells: Cells = [row.words.en, row.shown(value, with_unit=False), row.unit]
     limit = limits.get(row.key)
     if limit is None:
-        return [*cells, "", "", ""]
+        return [*cells, "", element("span", "not judged", class_="open") if row.optional else "", ""]
     share = "" if value is None else f"{value / limit.value:,.0%}"
     bar = range_bar(0.0, value, 0.0, limit.value, not limit.kept(value))
-    return [*cells, plain(limit.value), share if limit.judged else f"{share}, not judged", bar]
+    bound = f"{'at least ' if limit.least else ''}{plain(limit.value)}"
+    return [*cells, bound, share if limit.judged else f"{share}, not judged", bar]
 
 
 def axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:

@@ -9,10 +9,12 @@ from enum import Enum
 from typing import Any, Generic, TypeVar
 
 from tapelayer.provenance import VERSION
+from tapelayer.reporting.not_judged import english
 from tapelayer.reporting.words import NOT_MEASURED, Words, shown
 from tapelayer.units import json_number
 from tapelayer.verification.axis_use import AxisUse
 from tapelayer.verification.failures import Findings
+from tapelayer.verification.limits import Limits
 
 Measured = TypeVar("Measured")
 
@@ -48,6 +50,7 @@ class Quantity(Generic[Measured]):
         absent: why it may have no value.
         required: whether a program fails if it cannot be measured.
         headline: whether it is shown beside the verdict.
+        optional: whether it is judged only where the setup sets a limit.
         samples: field of the samples of which it is the largest magnitude, where there are plots along the courses.
         curves: fields of the samples to plot, with their names.
     """
@@ -63,6 +66,7 @@ class Quantity(Generic[Measured]):
     absent: Words = NOT_MEASURED
     required: bool = False
     headline: bool = False
+    optional: bool = False
     samples: str = ""
     curves: tuple[tuple[str, str], ...] = ()
 
@@ -160,7 +164,14 @@ def quantities(rows: Sequence[Row[Measured]], group: Group | None = None) -> lis
     return [row for row in rows if isinstance(row, Quantity) and group in (None, row.group)]
 
 
-def numbers(rows: Sequence[Row[Measured]], measured: Measured, findings: Findings) -> dict[str, Any]:
+def free(rows: Sequence[Row[Measured]], limits: Limits) -> list[Quantity[Measured]]:
+    """Return the rows that would be judged if the setup set a limit."""
+    return [row for row in quantities(rows) if row.optional and row.key not in limits]
+
+
+def numbers(
+    rows: Sequence[Row[Measured]], measured: Measured, findings: Findings, not_judged: tuple[Words, ...] = ()
+) -> dict[str, Any]:
     """Return a report as plain values for JSON, millimetres and degrees.
 
     Values not measured are None, and fail the report where their row is required.
@@ -169,6 +180,7 @@ def numbers(rows: Sequence[Row[Measured]], measured: Measured, findings: Finding
         rows: of the kind of machine.
         measured: measurements from which the rows take their values.
         findings: verdict and axes of the same program.
+        not_judged: what no verdict covers.
     """
     values = {row.key: row.measure(measured) for row in rows}
     failures = [failure.values() for failure in findings.failures]
@@ -188,6 +200,7 @@ def numbers(rows: Sequence[Row[Measured]], measured: Measured, findings: Finding
         **{row.key: row.plain(values[row.key]) for row in rows},
         "axes": {axis.name: axis.values() for axis in findings.axes},
         "passed": not failures,
+        "not_judged": [*english(not_judged), *(row.words.en for row in free(rows, findings.limits))],
         "failures": failures,
     }
 

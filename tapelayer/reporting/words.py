@@ -59,6 +59,7 @@ def worded(what: str) -> tuple[str, str]:
         ("_mm_per_s", "mm/s"),
         ("_deg_per_s", "deg/s"),
         ("_mm", "mm"),
+        ("_percent", "%"),
         ("_deg", "deg"),
         ("_m", "m"),
         ("_s", "s"),

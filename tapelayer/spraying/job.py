@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import Steps
 from tapelayer.provenance import VERSION, Provenance
+from tapelayer.reporting.not_judged import english
 from tapelayer.reporting.quantity import numbers
 from tapelayer.reporting.summary import summary
 from tapelayer.spraying import page
@@ -28,12 +29,13 @@ from tapelayer.spraying.coat import coat_of
 from tapelayer.spraying.evidence import SprayEvidence
 from tapelayer.spraying.footprint import footprint_of
 from tapelayer.spraying.inspection import SprayInspector
+from tapelayer.spraying.limits import NOT_JUDGED
 from tapelayer.spraying.pass_planning import plan_passes
 from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.pitch import widest_pitch
 from tapelayer.spraying.pose_file import trajectory_text
 from tapelayer.spraying.program import Spraying, spray
-from tapelayer.spraying.quantities import ROWS, Judged
+from tapelayer.spraying.quantities import ROWS, Judged, limited
 from tapelayer.spraying.reach import Reach, placement
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import MM
@@ -102,6 +104,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             setup_sha256=setup.sha256(machine.path.read_bytes(), profile),
             version=VERSION,
             notes=(f"model in {unit}", *setup.process.notes()),
+            not_judged=english(NOT_JUDGED),
         )
         return SprayJob(setup, machine, controller, provenance, mesh)
 
@@ -196,7 +199,10 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             slowdowns=plan.slowdowns,
             pitch=self.pitch,
             standoff=self.setup.standoff,
+            speed=self.setup.speed,
         )
+        evidence = limited(judged)
+        judged = replace(judged, evidence=evidence)
         return SprayResult(trajectory, evidence, text, remarks, self, plan, judged)
 
 
@@ -216,7 +222,7 @@ class SprayResult(JobResult[SprayEvidence]):
 
     def report(self) -> dict[str, Any]:
         """Return the report as plain values for JSON; docs/spray.md describes every key."""
-        return numbers(ROWS, self.judged, self.evidence)
+        return numbers(ROWS, self.judged, self.evidence, NOT_JUDGED)
 
     def summary(self) -> Table:
         """Return the report as a table for a terminal."""

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from tapelayer.reporting.not_judged import ACCELERATION, COLLISION, CONTROL_TIME
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.verification.limits import Limit, Limits
+
+# What no measurement of this machine's programs covers.
+NOT_JUDGED = (COLLISION, ACCELERATION, CONTROL_TIME)
 
 
 def limits_of(setup: SpraySetup) -> Limits:
@@ -11,11 +15,18 @@ def limits_of(setup: SpraySetup) -> Limits:
 
     Examples:
         >>> limits_of(SpraySetup())["max_deviation_deg"]
-        Limit(value=15.0, judged=True)
+        Limit(value=15.0, judged=True, least=False)
     """
-    position = setup.verification.max_position_error_mm
+    verification, position = setup.verification, setup.verification.max_position_error_mm
+    optional = {
+        "max_crease_deviation_deg": (verification.max_crease_deviation_deg, False),
+        "coverage_percent": (verification.min_coverage_percent, True),
+        "cv_percent": (verification.max_thickness_deviation_percent, False),
+        "speed_share": (verification.min_speed_share, True),
+    }
     return {
         "max_deviation_deg": Limit(setup.spray.max_deviation_deg),
         "max_position_error_mm": Limit(position),
         "max_surface_distance_mm": Limit(setup.spray.chord_tolerance_mm + position),
+        **{key: Limit(value, least=least) for key, (value, least) in optional.items() if value is not None},
     }

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.reporting.quantity import Group, Listing, Quantity, Row, Style, count
+from tapelayer.reporting.quantity import Group, Listing, Quantity, Row, Style, count, quantities
 from tapelayer.reporting.words import NONE, Words
 from tapelayer.spraying.coat import Coat
 from tapelayer.spraying.evidence import SprayEvidence, SpraySamples
 from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.program import Slowdown
 from tapelayer.units import DEG, MM, json_number
+from tapelayer.verification.failures import Failure
 
+# A gun with this share of its set speed is at speed.
+AT_SPEED = 0.95
 # Areas below this, in square metres, are rounding.
 LEAST_AREA = 1e-9
 
@@ -35,6 +38,7 @@ class Judged:
         slowdowns: where axes slow the gun down.
         pitch: distance from pass to pass, metres.
         standoff: nozzle to surface, metres.
+        speed: that the setup asks of the gun, m/s.
     """
 
     evidence: SprayEvidence
@@ -44,6 +48,7 @@ class Judged:
     slowdowns: Sequence[Slowdown]
     pitch: float
     standoff: float
+    speed: float
 
     @property
     def samples(self) -> SpraySamples:
@@ -55,6 +60,31 @@ def _largest(values: Floats) -> float:
     """Return the largest of the values (n,) that are not NaN; NaN if there is none."""
     measured = values[~np.isnan(values)]
     return float(np.max(measured)) if len(measured) else math.nan
+
+
+def _speed_share(judged: Judged) -> float:
+    """Return the share of the sprayed length at set speed; NaN if nothing was sprayed."""
+    samples = judged.samples
+    within = np.diff(samples.pieces) == 0
+    lengths = np.linalg.norm(np.diff(samples.points, axis=0), axis=1)[within]
+    fast = lengths >= AT_SPEED * judged.speed * np.diff(samples.times)[within]
+    whole = float(np.sum(lengths))
+    return float(np.sum(lengths[fast])) / whole if whole != 0.0 else math.nan
+
+
+def limited(judged: Judged) -> SprayEvidence:
+    """Return the evidence with a failure for each limit that only the finished coat can be held against."""
+    evidence = judged.evidence
+    failures = []
+    for row in quantities(ROWS):
+        limit = evidence.limits.get(row.key)
+        if not row.optional or limit is None:
+            continue
+        value = row.measure(judged)
+        nothing = row.key == "max_crease_deviation_deg" and not np.any(judged.samples.exempt)
+        if not nothing and not limit.kept(value):
+            failures.append(Failure(0, 0, row.failure, math.nan if value is None else value, limit.value, of="pass"))
+    return replace(evidence, failures=(*evidence.failures, *failures))
 
 
 def _splits(judged: Judged) -> list[dict[str, Any]]:
@@ -188,6 +218,7 @@ ROWS: tuple[Row[Judged], ...] = (
         3,
         lambda j: _largest(j.samples.deviations[j.samples.exempt]) / DEG,
         absent=NONE,
+        optional=True,
     ),
     Quantity(
         "max_position_error_mm",
@@ -239,6 +270,7 @@ ROWS: tuple[Row[Judged], ...] = (
         lambda j: None if j.coat is None else j.coat.evenness.coverage_percent,
         headline=True,
         absent=NONE,
+        optional=True,
     ),
     Quantity(
         "cv_percent",
@@ -251,6 +283,7 @@ ROWS: tuple[Row[Judged], ...] = (
         2,
         lambda j: None if j.coat is None else j.coat.evenness.cv_percent,
         absent=NONE,
+        optional=True,
     ),
     Quantity(
         "cv_interior_percent",
@@ -262,6 +295,19 @@ ROWS: tuple[Row[Judged], ...] = (
         absent=NONE,
     ),
     Listing("thickness", _thickness),
+    Quantity(
+        "speed_share",
+        Words("share at set speed", "达到设定速度的比例"),
+        Words(
+            "share of the sprayed length over which the gun has 95 % of its set speed or more",
+            "喷枪速度不低于设定值 95 % 的喷涂长度所占比例",
+        ),
+        "",
+        4,
+        _speed_share,
+        absent=NONE,
+        optional=True,
+    ),
     Quantity(
         "duration_s",
         Words("duration", "时长"),

@@ -173,6 +173,19 @@ class SprayVerificationSettings(Section, title="Verification"):
     max_theta_step_deg: Annotated[
         Positive, Field(description="turn of theta within one block with the arc on", lt=180)
     ] = 60.0
+    max_thickness_deviation_percent: Annotated[
+        Positive | None, Field(description="standard deviation of the thickness over its mean; without it not judged")
+    ] = None
+    min_coverage_percent: Annotated[
+        Positive | None, Field(description="share of the reachable area that is covered; without it not judged", le=100)
+    ] = None
+    max_crease_deviation_deg: Annotated[
+        Positive | None, Field(description="gun off the facets' normals beside creases; without it not judged")
+    ] = None
+    min_speed_share: Annotated[
+        Positive | None,
+        Field(description="share of the sprayed length at 95 % of the set speed or more; without it not judged", le=1),
+    ] = None
 
 
 class SprayOutputSettings(OutputSettings, title="Output"):
@@ -211,6 +224,9 @@ class SpraySetup(JobSetup):
                 raise ValueError("plating works in contact; set [spray] standoff_mm = 0 or leave it out")
             if self.footprint != FootprintSettings():
                 raise ValueError("plating has no footprint; leave [footprint] out")
+            for key in ("max_thickness_deviation_percent", "min_coverage_percent"):
+                if getattr(self.verification, key) is not None:
+                    raise ValueError(f"plating leaves no coat to judge; leave out [verification] {key}")
             if self.spray.pitch_mm == "auto":
                 raise ValueError("plating has no footprint to choose a pitch by; set [spray] pitch_mm to a number")
             if self.process.relative_speed_mm_per_s and self.spray.speed_mm_per_s != PassSettings().speed_mm_per_s:

@@ -121,6 +121,7 @@ class KindTold(BaseModel):
     fields: Annotated[list[str], Field(description="fields of a job's form that are this kind's alone")]
     quantities: Annotated[list[QuantityTold], Field(description="in the order of the report")]
     stages: list[StageTold]
+    not_judged: Annotated[list[WordsTold], Field(description="what no verdict on a program covers")]
 
 
 class Kinds(BaseModel):
@@ -263,7 +264,14 @@ def _kind_told(name: KindName) -> KindTold:
     ]
     stages = [StageTold(name=stage.name, words=_words_told(stage.words)) for stage in kind.making]
     fields = sorted(kind.source.fields)
-    return KindTold(kind=name, machine=kind.machine.name, fields=fields, quantities=rows, stages=stages)
+    return KindTold(
+        kind=name,
+        machine=kind.machine.name,
+        fields=fields,
+        quantities=rows,
+        stages=stages,
+        not_judged=[_words_told(words) for words in kind.not_judged],
+    )
 
 
 def _words_told(words: Words) -> WordsTold:

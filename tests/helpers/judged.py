@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tapelayer.laying.evidence import CutMade, Evidence, LedgerRow, Samples, TapeLedger
-from tapelayer.laying.limits import limits_of
+from tapelayer.laying.limits import NOT_JUDGED, limits_of
 from tapelayer.laying.quantities import ROWS
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Kind, Trajectory
@@ -115,7 +115,7 @@ def evidence(**changes: object) -> Evidence:
 def numbers_of(evidence: Evidence) -> dict[str, Any]:
     """The report on a program with this hash."""
     named = replace(evidence, program_sha256=SHA256)
-    return numbers(ROWS, named, named)
+    return numbers(ROWS, named, named, NOT_JUDGED)
 
 
 def trajectory(n: int = 5) -> Trajectory:

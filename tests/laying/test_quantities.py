@@ -64,6 +64,7 @@ KEYS = {
     "tape": [],
     "axes": {},
     "passed": True,
+    "not_judged": ["collision", "acceleration", "the control's own time"],
     "failures": [],
 }
 

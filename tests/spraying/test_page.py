@@ -36,7 +36,8 @@ def test_the_verdict_and_the_facts_are_those_of_the_report() -> None:
     report, elements = sprayed_wave().report(), Elements(sprayed_wave().page("wave.nc"))
     ((_, verdict),) = elements.of("p", "verdict passed")
     kept = f"PASSED: {report['blocks']:,} blocks over {report['passes']:,} passes keep every limit"
-    assert verdict == f"{kept}; position error {report['max_position_error_mm']:.4f} mm"
+    assert verdict == f"{kept}; position error {report['max_position_error_mm']:.4f} mm; "
+    assert elements.of("span", "free")[0][1] == f"not judged: {', '.join(report['not_judged'])}"
     facts = dict(zip((words for _, words in elements.of("dt")), (words for _, words in elements.of("dd")), strict=True))
     assert facts["SHA-256 of the program"] == report["program_sha256"]
     assert facts["passes"] == str(report["passes"])

@@ -1,0 +1,55 @@
+"""What no verdict covers is named wherever a verdict is given, whatever the verdict is."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from tapelayer.jobs.job import JobResult
+from tapelayer.jobs.kinds import KindName, kind_of
+from tapelayer.workbench.catalogue import list_quantities
+from tests.helpers.kinds import KINDS, job_of_kind, made
+from tests.helpers.pages import Elements
+
+NAMES = "collision, acceleration, the control's own time"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("damaged", [False, True], ids=["passed", "failed"])
+def test_reports_name_what_is_not_judged(kind: KindName, damaged: bool) -> None:
+    found: JobResult[Any] = made(kind)
+    if damaged:
+        lines = found.text.splitlines(keepends=True)
+        found = job_of_kind(kind).judge(
+            b"".join([*lines[: len(lines) * 2 // 3], *lines[-2:]]), "program.nc", force=True
+        )
+    report = found.report()
+    assert report["passed"] is not damaged
+    assert report["not_judged"][:3] == NAMES.split(", ")
+    ((_, shown),) = Elements(found.page("program.nc")).of("span", "free")
+    assert shown.startswith(f"not judged: {NAMES}")
+    shown_there = io.StringIO()
+    Console(file=shown_there, width=200).print(found.summary())
+    assert f"not judged: {NAMES}" in shown_there.getvalue()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_program_s_header_names_what_is_not_judged(kind: KindName) -> None:
+    assert job_of_kind(kind).provenance.not_judged == tuple(words.en for words in kind_of(kind).not_judged)
+    assert f"not judged: {NAMES}".encode() in b"".join(made(kind).text.splitlines()[:14])
+
+
+def test_a_program_of_which_everything_is_judged_says_nothing() -> None:
+    job = job_of_kind("lay")
+    bare = replace(job, provenance=replace(job.provenance, not_judged=()))
+    assert b"not judged" not in bare.make("program.nc").text
+
+
+def test_the_catalogue_names_what_is_not_judged_in_both_languages() -> None:
+    for told in list_quantities().kinds:
+        assert [words.en for words in told.not_judged] == NAMES.split(", ")
+        assert all(words.zh for words in told.not_judged)
