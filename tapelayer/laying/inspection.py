@@ -27,7 +27,7 @@ from tapelayer.verification.breach import Breach
 from tapelayer.verification.failures import Failure
 from tapelayer.verification.inspection import Judge
 from tapelayer.verification.sampling import LEAST_SAMPLES
-from tapelayer.verification.stated_axes import UNSTATED, unstated_axes
+from tapelayer.verification.stated_axes import unknown_blocks
 from tapelayer.verification.switching import Switch, held, interrupted, unpaired
 from tapelayer.verification.verified import Verified
 
@@ -88,14 +88,14 @@ class Inspector(Judge[Evidence]):
         """Return the evidence on a trajectory, failures included; arguments as `verify`."""
         digits = self._digits(resolution)
         layings = layings_of(trajectory, self.setup)
-        breaches = _first_motion(trajectory) or unstated_axes(trajectory)
-        stated = all(breach.what != UNSTATED for breach in breaches)
+        unknown = unknown_blocks(trajectory)
+        breaches = _first_motion(trajectory) or unknown
         for switch in _switches(self.setup.head.delays_ms).values():
             breaches += [*unpaired(trajectory, switch), *interrupted(trajectory, switch, ("rapid", "stop"))]
         failures = [self._at_line(trajectory, breach) for breach in breaches]
         failures += self._number_of_courses(trajectory, layings)
-        if not stated:
-            # Nothing can be measured on a program that does not state its position.
+        if unknown:
+            # Nothing can be measured on a program that does not state its position and time.
             layings = []
         taken_back, feeding = self._feeding(trajectory, layings)
         samples, blocks, laid = self._measured(trajectory, layings[: len(self.curves)], tick)
