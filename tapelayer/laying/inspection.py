@@ -11,9 +11,10 @@ from tapelayer.courses.course import Course
 from tapelayer.laying.course_splines import CourseSpline, CourseSplines
 from tapelayer.laying.cut_check import judge_cuts
 from tapelayer.laying.evidence import Evidence, Samples, TapeLedger
+from tapelayer.laying.heat_check import heated_too_long
 from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.limits import limits_of
-from tapelayer.laying.link_check import judge_sequence
+from tapelayer.laying.link_check import HEATER_TIME, judge_sequence
 from tapelayer.laying.placing import courses_in_machine
 from tapelayer.laying.sampling import LAID_SAMPLE_STEP, Laying, SamplePlaces, layings_of
 from tapelayer.laying.settings import DelaySettings, Setup
@@ -99,7 +100,7 @@ class Inspector(Judge[Evidence]):
             layings = []
         taken_back, feeding = self._feeding(trajectory, layings)
         samples, blocks, laid = self._measured(trajectory, layings[: len(self.curves)], tick)
-        failures += self._judged(trajectory, samples, blocks, digits)
+        failures += self._judged(trajectory, samples, blocks, digits, self._heated(trajectory, layings)[blocks])
         tape, clearance = _NO_TAPE, np.inf
         if laid:
             case = Case(trajectory, laid, samples, self.highest, self.setup, self.machine, digits)
@@ -200,8 +201,24 @@ class Inspector(Judge[Evidence]):
             block_ends=places.ends,
         )
 
-    def _judged(self, trajectory: Trajectory, samples: Samples, blocks: Ints, digits: Floats) -> list[Failure]:
-        """Return the failures of the samples, with the block (n,) of each, course by course."""
+    def _heated(self, trajectory: Trajectory, layings: Sequence[Laying]) -> Floats:
+        """Return the seconds (n,) by which the tape up to each block's end is heated longer than it must be."""
+        heater = _switches(self.setup.head.delays_ms)["heater"]
+        speeds = np.array([axis.speed for axis in self.axes])
+        return heated_too_long(trajectory, layings, heater, self.setup.process.lay_speed_mm_per_s * MM, speeds)
+
+    def _judged(
+        self, trajectory: Trajectory, samples: Samples, blocks: Ints, digits: Floats, heated: Floats
+    ) -> list[Failure]:
+        """Return the failures of the samples, course by course.
+
+        Args:
+            trajectory: as `judge`.
+            samples: along the courses.
+            blocks: (n,) block of each sample.
+            digits: (k,) last written digit of each axis, metres and radians.
+            heated: (n,) seconds by which the tape is heated too long, at each sample.
+        """
         if not len(blocks):
             return []
         limits = self.setup.verification
@@ -219,6 +236,7 @@ class Inspector(Judge[Evidence]):
         speeds = self._lay_speeds(samples, doubt)
         lay_speed = self.setup.process.lay_speed_mm_per_s * (1 + NIP_SPEED_MARGIN)
         judged.append(("lay_speed_mm_per_s", speeds / MM, lay_speed))
+        judged.append(("heater_time_s", heated, self.setup.head.heater_stop_s + HEATER_TIME))
         worst = []
         for what, values, limit in judged:
             for row in _worst(samples.courses, values, limit).tolist():
