@@ -68,9 +68,9 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
         name: name of the file, for messages.
 
     Raises:
-        ProgramRefused: a word is unknown, malformed or contradicts another, an axis moves before a rapid has stated
-            it, a feed is missing, or the program does not end; each with line and column, all at once: faults of
-            the words or, without any, those of the motions.
+        ProgramRefused: a word is unknown, malformed or contradicts another, an axis moves or an output turns one
+            before rapids have stated it, a feed is missing, or the program does not end; each with line and column,
+            all at once: faults of the words or, without any, those of the motions.
         ControllerRefused: the control has no address for one of the machine's axes.
     """
     axes = controller.addressed(machine_axes)
@@ -96,6 +96,8 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
     durations[straight] = by_feed_word(lengths[straight], feeds[straight], blocks.inverse[straight])
     kinds = blocks.kinds.copy()
     outputs = [path for address, path in paths.items() if address not in plain]
+    _check_outputs(blocks, outputs, positions)
+    source.refuse()
     kept = _turn_outputs(blocks, outputs, kinds, durations, stated)
     rows = slice(None) if kept.all() else np.flatnonzero(kept)
     trajectory = Trajectory(
@@ -146,6 +148,14 @@ def _positions(
         positions[first:, index] = np.repeat(values, np.diff(path.blocks, append=len(positions)))
         stated[path.blocks] |= np.uint16(1 << index)
     return positions, stated
+
+
+def _check_outputs(blocks: Blocks, paths: Sequence[AxisPath], positions: Floats) -> None:
+    """Note a fault of the first output that turns an axis while the position (n, k) of any axis is unknown."""
+    turns = blocks.outputs & where_moved(len(blocks.rows), paths) & np.any(np.isnan(positions), axis=1)
+    for row in np.flatnonzero(turns)[:1].tolist():
+        sentence = "an output turns an axis before rapids have stated every axis; state every axis first"
+        blocks.words.source.fault(int(blocks.rows[row]), 0, sentence)
 
 
 def _turn_outputs(

@@ -45,6 +45,7 @@ JUDGES = (
     "tapelayer.verification",
     "tapelayer.laying.inspection",
     "tapelayer.laying.cut_check",
+    "tapelayer.laying.heat_check",
     "tapelayer.laying.link_check",
     "tapelayer.laying.course_splines",
     "tapelayer.laying.sampling",

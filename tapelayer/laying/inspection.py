@@ -11,9 +11,10 @@ from tapelayer.courses.course import Course
 from tapelayer.laying.course_splines import CourseSpline, CourseSplines
 from tapelayer.laying.cut_check import judge_cuts
 from tapelayer.laying.evidence import Evidence, Samples, TapeLedger
+from tapelayer.laying.heat_check import heated_too_long
 from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.limits import limits_of
-from tapelayer.laying.link_check import judge_sequence
+from tapelayer.laying.link_check import HEATER_TIME, judge_sequence
 from tapelayer.laying.placing import courses_in_machine
 from tapelayer.laying.sampling import LAID_SAMPLE_STEP, Laying, SamplePlaces, layings_of
 from tapelayer.laying.settings import DelaySettings, Setup
@@ -27,7 +28,7 @@ from tapelayer.verification.breach import Breach
 from tapelayer.verification.failures import Failure
 from tapelayer.verification.inspection import Judge
 from tapelayer.verification.sampling import LEAST_SAMPLES
-from tapelayer.verification.stated_axes import UNSTATED, unstated_axes
+from tapelayer.verification.stated_axes import unknown_blocks
 from tapelayer.verification.switching import Switch, held, interrupted, unpaired
 from tapelayer.verification.verified import Verified
 
@@ -88,18 +89,18 @@ class Inspector(Judge[Evidence]):
         """Return the evidence on a trajectory, failures included; arguments as `verify`."""
         digits = self._digits(resolution)
         layings = layings_of(trajectory, self.setup)
-        breaches = _first_motion(trajectory) or unstated_axes(trajectory)
-        stated = all(breach.what != UNSTATED for breach in breaches)
+        unknown = unknown_blocks(trajectory)
+        breaches = _first_motion(trajectory) or unknown
         for switch in _switches(self.setup.head.delays_ms).values():
             breaches += [*unpaired(trajectory, switch), *interrupted(trajectory, switch, ("rapid", "stop"))]
         failures = [self._at_line(trajectory, breach) for breach in breaches]
         failures += self._number_of_courses(trajectory, layings)
-        if not stated:
-            # Nothing can be measured on a program that does not state its position.
+        if unknown:
+            # Nothing can be measured on a program that does not state its position and time.
             layings = []
         taken_back, feeding = self._feeding(trajectory, layings)
         samples, blocks, laid = self._measured(trajectory, layings[: len(self.curves)], tick)
-        failures += self._judged(trajectory, samples, blocks, digits)
+        failures += self._judged(trajectory, samples, blocks, digits, self._heated(trajectory, layings)[blocks])
         tape, clearance = _NO_TAPE, np.inf
         if laid:
             case = Case(trajectory, laid, samples, self.highest, self.setup, self.machine, digits)
@@ -200,8 +201,24 @@ class Inspector(Judge[Evidence]):
             block_ends=places.ends,
         )
 
-    def _judged(self, trajectory: Trajectory, samples: Samples, blocks: Ints, digits: Floats) -> list[Failure]:
-        """Return the failures of the samples, with the block (n,) of each, course by course."""
+    def _heated(self, trajectory: Trajectory, layings: Sequence[Laying]) -> Floats:
+        """Return the seconds (n,) by which the tape up to each block's end is heated longer than it must be."""
+        heater = _switches(self.setup.head.delays_ms)["heater"]
+        speeds = np.array([axis.speed for axis in self.axes])
+        return heated_too_long(trajectory, layings, heater, self.setup.process.lay_speed_mm_per_s * MM, speeds)
+
+    def _judged(
+        self, trajectory: Trajectory, samples: Samples, blocks: Ints, digits: Floats, heated: Floats
+    ) -> list[Failure]:
+        """Return the failures of the samples, course by course.
+
+        Args:
+            trajectory: as `judge`.
+            samples: along the courses.
+            blocks: (n,) block of each sample.
+            digits: (k,) last written digit of each axis, metres and radians.
+            heated: (n,) seconds by which the tape is heated too long, at each sample.
+        """
         if not len(blocks):
             return []
         limits = self.setup.verification
@@ -219,6 +236,7 @@ class Inspector(Judge[Evidence]):
         speeds = self._lay_speeds(samples, doubt)
         lay_speed = self.setup.process.lay_speed_mm_per_s * (1 + NIP_SPEED_MARGIN)
         judged.append(("lay_speed_mm_per_s", speeds / MM, lay_speed))
+        judged.append(("heater_time_s", heated, self.setup.head.heater_stop_s + HEATER_TIME))
         worst = []
         for what, values, limit in judged:
             for row in _worst(samples.courses, values, limit).tolist():

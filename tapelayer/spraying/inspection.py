@@ -26,7 +26,7 @@ from tapelayer.verification.axis_use import FEED_DIGITS
 from tapelayer.verification.breach import Breach
 from tapelayer.verification.failures import Failure
 from tapelayer.verification.inspection import Judge
-from tapelayer.verification.stated_axes import unstated_axes
+from tapelayer.verification.stated_axes import unknown_blocks
 from tapelayer.verification.switching import Switch, interrupted, still_on, unpaired
 
 AIR, ARC = Switch("air", Event.AIR_ON, Event.AIR_OFF), Switch("arc", Event.ARC_ON, Event.ARC_OFF)
@@ -62,11 +62,11 @@ class SprayInspector(Judge[SprayEvidence]):
 
     def judge(self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent) -> SprayEvidence:
         """Return the evidence on a trajectory, failures included; arguments as `verify`."""
-        digits, unstated = self._digits(resolution), unstated_axes(trajectory)
-        failures = [self._at_line(trajectory, breach) for breach in unstated]
+        digits, unknown = self._digits(resolution), unknown_blocks(trajectory)
+        failures = [self._at_line(trajectory, breach) for breach in unknown]
         failures += [self._at_block(trajectory, breach) for breach in self._switching(trajectory)]
-        # Nothing can be measured on a program that does not state its position.
-        runs = [] if unstated else arc_runs_of(trajectory)
+        # Nothing can be measured on a program that does not state its position and time.
+        runs = [] if unknown else arc_runs_of(trajectory)
         failures += self._astray(trajectory)
         measured: list[SpraySamples] = []
         splits: list[MeasuredSplit] = []

@@ -147,6 +147,16 @@ def link_rows(good: Good) -> np.ndarray:
             8,
             at_middle,
         ),
+        ("heater_time_s", lambda good: good.changed("durations", 14.0), 8, at_middle),
+        (
+            "heater_time_s",
+            lambda good: replace(
+                good.trajectory,
+                durations=np.where(good.trajectory.courses == 1, 20.0, 1.0) * good.trajectory.durations,
+            ),
+            8,
+            None,
+        ),
         ("axis_x_speed_mm_per_s", lambda good: good.changed("durations", 1e-4), 8, at_middle),
         ("link_clearance_mm", lambda good: good.moved("z", 0.06, link_rows(good)), 8, None),
         ("unstated_axes", lambda good: good.changed("kinds", Kind.LINEAR, 0), 0, lambda good: 1),

@@ -535,3 +535,12 @@ def test_edited_programs_are_read_or_refused(control: str, edits: list[tuple[int
         assert (path.durations >= 0).all() and np.isfinite(path.durations).all()
         unstated = np.isnan(path.positions).any(axis=1)
         assert np.isin(path.kinds[unstated], (Kind.RAPID, Kind.DWELL, Kind.SWITCH)).all()
+
+
+@pytest.mark.parametrize("stray", ["G93  X1 F9\n", ""])
+def test_an_output_turns_no_axis_while_another_is_unstated(stray: str) -> None:
+    text = f"G0 X0 Y0 Z0 A0 C0 U0 V0 W0\nM68 E0 Q0\n{stray}M62 P3\nM68 E0 Q2\nG4 P0.5\nM2\n"
+    line = 5 if stray else 4
+    assert refusals(text, controller=load("linuxcnc")) == [
+        f"p.nc:{line}:1: an output turns an axis before rapids have stated every axis; state every axis first"
+    ]
