@@ -42,7 +42,12 @@ function picker(testid: string, key: string, accept: string, many: boolean, took
 }
 
 /** The import panel: the file, its kind and unit, and its additional files. */
-export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, onProblem: (error: unknown) => void): Import {
+export function createImport(
+  root: HTMLElement,
+  onKind: (kind: Kind) => void,
+  onProblem: (error: unknown) => void,
+  onChange: () => void,
+): Import {
   let kind: Kind = FIRST;
   let source: Source | null = null;
   let mould: File | null = null;
@@ -55,7 +60,9 @@ export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, on
     for (const [name, radio] of radios) radio.checked = name === kind;
     unitRow.hidden = !KINDS[kind].unit;
     mouldRow.hidden = !KINDS[kind].mould;
-    if (other) onKind(kind);
+    if (!other) return;
+    onKind(kind);
+    onChange();
   };
 
   const take = (next: Source, nextKind: Kind): void => {
@@ -79,6 +86,7 @@ export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, on
       ...parts.map((part) => chip(part.name, "import.part", () => (parts = parts.filter((each) => each !== part)))),
     ];
     chips.replaceChildren(...removable);
+    onChange();
   };
 
   const chip = (name: string, key: string, remove: () => void): HTMLElement => {
@@ -102,7 +110,7 @@ export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, on
     radios.set(name, radio);
     kinds.append(radio, h("label", { for: id, t: `kind.${name}` }));
   }
-  const unit = h("select", { id: "unit", testid: "unit" }, ...UNITS.map((each) => h("option", { value: each }, each)));
+  const unit = h("select", { id: "unit", testid: "unit", onchange: () => onChange() }, ...UNITS.map((each) => h("option", { value: each }, each)));
   const unitRow = h("div", { class: "row" }, h("label", { for: "unit", t: "import.unit" }), unit);
   const mouldPicker = picker("import-mould", "import.choose-mould", ".stl", false, ([chosen]) => {
     mould = chosen ?? mould;

@@ -1,0 +1,106 @@
+"""The page in use: results that are not for what is set now, and files that are dropped."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tests.helpers.browsing import Person, api, chromium
+from tests.helpers.paths import ROOT
+from tests.helpers.served import Workbench
+
+pytestmark = pytest.mark.browser
+
+EXAMPLE = "flat_panel_00.txt"
+COURSES = (ROOT / "examples" / EXAMPLE).read_bytes()
+OTHER = (ROOT / "examples" / "cylinder_panel_15.txt").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def workbench(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterator[Workbench]:
+    with Workbench(tmp_path_factory.mktemp("work"), "--workers", 1) as workbench:
+        yield workbench
+
+
+@pytest.fixture(scope="module")
+def link(browser: Any, workbench: Workbench) -> str:
+    """Path of the page that shows a job."""
+    with workbench.client() as client:
+        return f"/#job={client.made(EXAMPLE, COURSES)['id']}"
+
+
+@pytest.fixture
+def guest(browser: Any, workbench: Workbench) -> Iterator[Person]:
+    """Somebody who has not been here before."""
+    person = Person(browser, workbench.url)
+    yield person
+    person.leave()
+
+
+@pytest.fixture
+def visitor(guest: Person, link: str) -> Person:
+    """Somebody who was sent a link to the job."""
+    guest.open(link)
+    guest.made()
+    return guest
+
+
+def assert_current(person: Person) -> None:
+    api.expect(person["verdict"]).to_have_attribute("data-verdict", "passed")
+    assert person.text("verdict").startswith("PASSED")
+
+
+def assert_stale(person: Person, *changes: str) -> None:
+    api.expect(person["verdict"]).to_have_attribute("data-verdict", "stale")
+    person.see("verdict", re.compile(f"^not for what is set nowchanged: {re.escape(', '.join(changes))}PASSED for "))
+
+
+def test_a_result_is_stale_while_something_else_is_set(visitor: Person) -> None:
+    assert_current(visitor)
+    visitor.fill("process", lay_speed_mm_per_s=400)
+    assert_stale(visitor, "Process: Laying speed")
+    visitor.keep("stale")
+    visitor["language"].select_option("zh")
+    visitor.see("verdict", "与当前设置不符")
+    visitor["language"].select_option("en")
+    # What was made is still there, and says what it was made from.
+    name, _ = visitor.download("download-report-json")
+    assert name == EXAMPLE.replace(".txt", ".json")
+    for what in ("report-html", "report-json", "setup"):
+        title = visitor[f"download-{what}"].get_attribute("title")
+        assert title.endswith(f"{EXAMPLE}, job {visitor.job()[:8]}")
+    visitor.fill("process", lay_speed_mm_per_s=None)
+    assert_current(visitor)
+    visitor.choose_file("import-file", "other.txt", OTHER)
+    assert_stale(visitor, "other.txt")
+    # The same name does not make it the same file; the same bytes do.
+    visitor.choose_file("import-file", EXAMPLE, OTHER)
+    assert_stale(visitor, EXAMPLE)
+    visitor.choose_file("import-file", EXAMPLE, COURSES)
+    assert_current(visitor)
+    visitor.choose_file("import-parts", "table.toml", b"[arcs]\n")
+    assert_stale(visitor, "table.toml")
+    assert visitor.generate() == "done"
+    assert_current(visitor)
+
+
+def test_what_is_not_judged_is_said(guest: Person, link: str) -> None:
+    def told(route: Any) -> None:
+        answer = route.fetch().json()
+        for kind in answer["kinds"]:
+            kind["not_judged"] = [{"en": "collision", "zh": "碰撞"}, {"en": "acceleration", "zh": "加速度"}]
+        route.fulfill(json=answer)
+
+    guest.page.route("**/api/v1/quantities", told)
+    guest.open(link)
+    guest.made()
+    guest.see("not-judged", "not judged: collision, acceleration")
