@@ -524,6 +524,7 @@ def test_files_are_dropped(guest: Person) -> None:
     guest.drop("panel.txt", (ROOT / "examples" / "flat_panel_00.txt").read_bytes())
     guest.see("file-name", "panel.txt")
     guest.drop("shell.STL", (ROOT / "examples" / "curved_panel.stl").read_bytes())
+    guest["answer-spray"].click()
     guest.see("file-name", "shell.STL")
     api.expect(guest["kind-spray"]).to_be_checked()
     api.expect(guest["section-footprint"]).to_be_visible()

@@ -104,3 +104,71 @@ def test_what_is_not_judged_is_said(guest: Person, link: str) -> None:
     guest.open(link)
     guest.made()
     guest.see("not-judged", "not judged: collision, acceleration")
+
+
+MODEL = (ROOT / "examples" / "curved_panel.stl").read_bytes()
+PICTURE = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR" + bytes(100)
+
+
+def test_a_second_course_file_replaces_the_first_when_told(guest: Person) -> None:
+    guest.open()
+    guest.drop("one.txt", COURSES)
+    guest.see("file-name", "one.txt")
+    guest.drop("two.txt", OTHER)
+    guest["answer-keep"].click()
+    api.expect(guest["file-name"]).to_have_text("one.txt")
+    guest.drop("two.txt", OTHER)
+    guest.see("question", "Replace one.txt by two.txt?")
+    guest["answer-replace"].click()
+    api.expect(guest["file-name"]).to_have_text("two.txt")
+    # The same file, saved anew, is no other file.
+    guest.drop("two.txt", COURSES)
+    api.expect(guest["question"]).to_have_count(0)
+
+
+def test_a_model_dropped_on_courses_is_their_mould_when_told(guest: Person) -> None:
+    guest.open()
+    guest.drop("one.txt", COURSES)
+    guest.see("file-name", "one.txt")
+    guest.drop("tool.stl", MODEL)
+    guest["answer-mould"].click()
+    api.expect(guest.page.locator(".chips li")).to_have_text(["mouldtool.stl✕"])
+    api.expect(guest["kind-lay"]).to_be_checked()
+
+
+def test_a_dropped_setup_is_loaded_and_asks_before_it_replaces(guest: Person) -> None:
+    guest.open()
+    guest.drop("a.toml", b"[tape]\nwidth_mm = 50\n")
+    api.expect(guest["field-tape-width_mm"]).to_have_value("50")
+    guest.drop("b.toml", b"[tape]\nwidth_mm = 75\n")
+    guest.see("question", "b.toml replaces the parameters that you changed: 1.")
+    guest["answer-keep"].click()
+    api.expect(guest["field-tape-width_mm"]).to_have_value("50")
+    guest.drop("b.toml", b"[tape]\nwidth_mm = 75\n")
+    guest["answer-load"].click()
+    api.expect(guest["field-tape-width_mm"]).to_have_value("75")
+    api.expect(guest.page.locator(".chips li")).to_have_count(0)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "sentence"),
+    [
+        ("a.nc", b"%\n(part)\nN10 G90\nN20 G01 X1 F100\n", "a.nc is an NC program; the page judges none yet"),
+        ("a.txt", b"G90\nG01 X1 F100\n", "a.txt is an NC program; the page judges none yet"),
+        ("a.png", PICTURE, "a.png is neither a course file, an STL, a setup"),
+        ("b.toml", b"[spray]\npitch_mm = 30\n", "b.toml is a setup for another kind of job (Spraying)"),
+    ],
+)
+def test_what_cannot_be_taken_is_refused_by_name(guest: Person, name: str, data: bytes, sentence: str) -> None:
+    guest.open()
+    guest.drop(name, data)
+    guest.see("problem", sentence)
+    api.expect(guest["file-name"]).to_have_text("no file yet")
+    api.expect(guest.page.locator(".chips li")).to_have_count(0)
+
+
+def test_a_table_and_a_machine_are_further_files(guest: Person) -> None:
+    guest.open()
+    for name, data in (("own.toml", b"title = 'own'\n[codes]\n"), ("own.urdf", b"<?xml version='1.0'?><robot/>")):
+        guest.drop(name, data)
+        api.expect(guest.page.locator(".chips .name", has_text=name)).to_be_visible()

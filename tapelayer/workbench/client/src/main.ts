@@ -3,6 +3,8 @@ import "./style.css";
 import * as api from "./data/api";
 import { differences, type Subject } from "./data/subject";
 import { h, translateAll } from "./elements";
+import { ask } from "./panels/asking";
+import { kindOfSetup } from "./data/contents";
 import { createForm } from "./panels/form";
 import { createHelp } from "./panels/help";
 import { currentLanguage, LANGUAGES, setLanguage, t, type Language } from "./i18n";
@@ -66,7 +68,7 @@ let idle: (kind: Kind) => void = () => {};
 const importRoot = h("section", { class: "import" });
 const formRoot = h("div", { testid: "setup-form", class: "form" });
 const runRoot = h("section", { class: "run" });
-const input = createImport(importRoot, changeKind, notice.report, compare);
+const input = createImport(importRoot, changeKind, notice.report, compare, dropSetup, refuse);
 const form = createForm(formRoot, () => input.parts.map(({ name }) => name), compare);
 const running = createRunning(runRoot, () => void generate(), notice.report);
 const list = createJobList(layout.tab("jobs"), (id) => void open(id), (id) => id === current && clear(), notice.report);
@@ -161,6 +163,28 @@ async function loadSetup(): Promise<void> {
     // These faults concern values in the file, not those in the form.
     notice.report(error);
   }
+}
+
+/** Loads a setup that was dropped; asks where that replaces parameters, and refuses one of another kind. */
+async function dropSetup(file: File): Promise<void> {
+  const kind = (await kindOfSetup(file)) ?? input.kind;
+  if (kind !== input.kind) {
+    refuse([t("import.refused.kind", { name: file.name, kind: t(`kind.${kind}`) })]);
+    return;
+  }
+  const changed = Object.values(form.values()).reduce((sum, section) => sum + Object.keys(section).length, 0);
+  if (changed) {
+    const choices = { load: t("ask.setup.load"), keep: t("ask.setup.keep") };
+    const answer = await ask("ask.setup", t("ask.setup.about", { name: file.name, count: changed }), choices);
+    if (answer !== "load") return;
+  }
+  form.write(await api.parseSetup(input.kind, await file.text()));
+  notice.clear();
+}
+
+function refuse(sentences: string[]): void {
+  const faults = sentences.map((sentence) => ({ sentence }));
+  notice.show({ type: "", title: "", status: 0, code: "not-taken", detail: sentences.join(" "), faults });
 }
 
 async function saveSetup(): Promise<void> {
