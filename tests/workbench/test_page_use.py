@@ -1,4 +1,4 @@
-"""The page in use: results that are not for what is set now, and files that are dropped."""
+"""The page in use: results not for what is set now, files that are dropped, small windows, colours of one's own."""
 
 from __future__ import annotations
 
@@ -172,3 +172,35 @@ def test_a_table_and_a_machine_are_further_files(guest: Person) -> None:
     for name, data in (("own.toml", b"title = 'own'\n[codes]\n"), ("own.urdf", b"<?xml version='1.0'?><robot/>")):
         guest.drop(name, data)
         api.expect(guest.page.locator(".chips .name", has_text=name)).to_be_visible()
+
+
+# What hangs over the page's sides, and what is cut off.
+BESIDE = """() => {
+    const wide = document.documentElement.scrollWidth > innerWidth ? [["page"]] : [];
+    const all = [...document.querySelectorAll("button, select, .button, h2, output, [role=tab]")];
+    const lost = all.filter((each) => {
+        if (!each.checkVisibility() || each.closest("dialog, details, [role=tabpanel]")) return false;
+        const { left, right } = each.getBoundingClientRect();
+        return left < 0 || right > innerWidth + 0.5;
+    });
+    return [...wide, ...lost.map((each) => [each.dataset.testid, each.textContent])];
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(640, 360), (911, 512)])
+def test_small_windows_are_one_column(visitor: Person, width: int, height: int) -> None:
+    visitor.page.set_viewport_size({"width": width, "height": height})
+    for language in ("zh", "en"):
+        visitor["language"].select_option(language)
+        assert visitor.page.evaluate(BESIDE) == []
+        for testid in ("generate", "scene", "play", "program", "tab-verdict", "course-select"):
+            visitor[testid].scroll_into_view_if_needed()
+            api.expect(visitor[testid]).to_be_in_viewport()
+            badge = visitor["verdict"].bounding_box()
+            assert 0 <= badge["y"] < height and badge["height"] > 20
+            visitor[testid].click(trial=True)
+        assert visitor["scene"].bounding_box()["height"] >= 240
+        head = visitor.page.locator(".top").bounding_box()
+        assert head["height"] <= 0.3 * height
+    visitor["scene"].scroll_into_view_if_needed()
+    visitor.keep(f"page-{width}x{height}")
