@@ -204,3 +204,33 @@ def test_small_windows_are_one_column(visitor: Person, width: int, height: int) 
         assert head["height"] <= 0.3 * height
     visitor["scene"].scroll_into_view_if_needed()
     visitor.keep(f"page-{width}x{height}")
+
+
+COLOURS = """() => {
+    const style = (element, name) => getComputedStyle(element)[name];
+    const row = (key) => document.querySelector(`.field:has([data-testid=field-process-${key}])`);
+    const field = (key) => style(row(key), "borderLeftColor");
+    const lines = document.querySelector("[data-testid=program]").shadowRoot;
+    return {
+        changed: field("lay_speed_mm_per_s"),
+        unchanged: field("tolerance_mm"),
+        current: style(lines.querySelector(".nc-current"), "backgroundColor"),
+        shadow: style(lines.querySelector(".nc-current"), "boxShadow"),
+        other: style(lines.querySelector(".cm-line:not(.nc-current)"), "backgroundColor"),
+        now: style(document.querySelector(".plot-now"), "backgroundColor"),
+        plain: style(document.body, "backgroundColor"),
+    };
+}"""
+
+
+def test_marks_are_seen_in_colours_of_one_s_own(visitor: Person) -> None:
+    visitor["course-select"].select_option("2")
+    visitor.fill("process", lay_speed_mm_per_s=300)
+    visitor["tab-plots"].click()
+    visitor.page.wait_for_selector(".plot-now", state="attached")
+    visitor.page.emulate_media(forced_colors="active")
+    seen = visitor.page.evaluate(COLOURS)
+    assert seen["changed"] != seen["unchanged"] == seen["plain"]
+    assert seen["current"] != seen["other"] and seen["shadow"] != "none"
+    assert seen["now"] not in (seen["plain"], "rgba(0, 0, 0, 0)")
+    visitor.keep("forced-colours")
