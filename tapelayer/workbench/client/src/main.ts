@@ -1,7 +1,10 @@
 import "./tokens.css";
 import "./style.css";
 import * as api from "./data/api";
+import { differences, type Subject } from "./data/subject";
 import { h, translateAll } from "./elements";
+import { ask } from "./panels/asking";
+import { kindOfSetup } from "./data/contents";
 import { createForm } from "./panels/form";
 import { createHelp } from "./panels/help";
 import { currentLanguage, LANGUAGES, setLanguage, t, type Language } from "./i18n";
@@ -55,14 +58,18 @@ layout.header.append(
 
 let current: string | null = null;
 let made: Made | null = null;
+// What the job under way and what the shown one is made from.
+let sent: Subject | null = null;
+let subject: Subject | null = null;
+let compared = 0;
 let panels: Panel[] = [];
 let idle: (kind: Kind) => void = () => {};
 
 const importRoot = h("section", { class: "import" });
 const formRoot = h("div", { testid: "setup-form", class: "form" });
 const runRoot = h("section", { class: "run" });
-const input = createImport(importRoot, changeKind, notice.report);
-const form = createForm(formRoot, () => input.parts.map(({ name }) => name));
+const input = createImport(importRoot, changeKind, notice.report, compare, dropSetup, refuse);
+const form = createForm(formRoot, () => input.parts.map(({ name }) => name), compare);
 const running = createRunning(runRoot, () => void generate(), notice.report);
 const list = createJobList(layout.tab("jobs"), (id) => void open(id), (id) => id === current && clear(), notice.report);
 layout.onTab((name) => name === "jobs" && list.refresh());
@@ -158,6 +165,28 @@ async function loadSetup(): Promise<void> {
   }
 }
 
+/** Loads a setup that was dropped; asks where that replaces parameters, and refuses one of another kind. */
+async function dropSetup(file: File): Promise<void> {
+  const kind = (await kindOfSetup(file)) ?? input.kind;
+  if (kind !== input.kind) {
+    refuse([t("import.refused.kind", { name: file.name, kind: t(`kind.${kind}`) })]);
+    return;
+  }
+  const changed = Object.values(form.values()).reduce((sum, section) => sum + Object.keys(section).length, 0);
+  if (changed) {
+    const choices = { load: t("ask.setup.load"), keep: t("ask.setup.keep") };
+    const answer = await ask("ask.setup", t("ask.setup.about", { name: file.name, count: changed }), choices);
+    if (answer !== "load") return;
+  }
+  form.write(await api.parseSetup(input.kind, await file.text()));
+  notice.clear();
+}
+
+function refuse(sentences: string[]): void {
+  const faults = sentences.map((sentence) => ({ sentence }));
+  notice.show({ type: "", title: "", status: 0, code: "not-taken", detail: sentences.join(" "), faults });
+}
+
 async function saveSetup(): Promise<void> {
   try {
     const text = await api.formatSetup(input.kind, form.values());
@@ -167,6 +196,27 @@ async function saveSetup(): Promise<void> {
   } catch (error) {
     refused(error);
   }
+}
+
+/** What the page would make a job from. */
+function now(): Subject {
+  const { kind, source, mould, parts, unit } = input;
+  return { kind, source, mould, parts: [...parts], unit, values: form.values() };
+}
+
+/** Tells the panels how what is set differs from what the shown job was made from. */
+function compare(): void {
+  const turn = ++compared;
+  if (!subject) {
+    for (const panel of panels) panel.outdated?.([]);
+    return;
+  }
+  differences(subject, now()).then((changes) => {
+    // A later change is compared by its own call.
+    if (turn !== compared) return;
+    downloads.classList.toggle("stale", changes.length > 0);
+    for (const panel of panels) panel.outdated?.(changes);
+  }, notice.report);
 }
 
 function refused(error: unknown): void {
@@ -184,6 +234,7 @@ async function generate(): Promise<void> {
   if (!form.check()) return;
   notice.clear();
   try {
+    sent = now();
     await ended(await running.run(request(input.source, form.values()), accepted));
   } catch (error) {
     refused(error);
@@ -217,8 +268,10 @@ async function show(job: Job): Promise<void> {
   // The user may have moved on to another job meanwhile.
   if (job.id !== current) return;
   selection.select(0);
+  subject = sent;
   for (const panel of panels) panel.show(loaded);
   drawHeader(loaded);
+  compare();
 }
 
 /** Shows a job with its file and its parameters, and follows it if it has not ended. */
@@ -239,6 +292,7 @@ async function open(id: string): Promise<void> {
     input.bring(source, job.kind, job.sent.unit, mould, parts);
     await form.show(job.kind);
     form.write(setup);
+    sent = now();
     await ended(api.underWay(job) ? await running.follow(job) : job);
   } catch (error) {
     notice.report(error);
@@ -257,9 +311,10 @@ function drawHeader(loaded: Made | null): void {
     downloads.replaceChildren();
     return;
   }
+  const of = t("download.of", { name: loaded.job.name, id: loaded.job.id.slice(0, 8) });
   const links = DOWNLOADS.map((what) => {
     const testid = `download-${what.replace(".", "-")}`;
-    const texts = { t: `download.${what}`, tTitle: `download.${what}.about` };
+    const texts = { t: `download.${what}`, title: `${t(`download.${what}.about`)} · ${of}` };
     return h("a", { href: loaded.url(what), download: fileName(loaded.job, what), testid, class: "button", ...texts });
   });
   downloads.replaceChildren(...links);
@@ -274,6 +329,8 @@ function clear(): void {
   list.current("");
   selection.select(0);
   for (const panel of panels) panel.clear();
+  subject = null;
+  compare();
   idle(input.kind);
   drawHeader(null);
 }
@@ -283,6 +340,8 @@ function retranslate(next: Language): void {
   document.title = t("page.title");
   translateAll(document.body);
   for (const each of [...panels, notice, form, input, running, list]) each.retranslate();
+  drawHeader(made);
+  compare();
 }
 
 function fromAddress(): string | undefined {

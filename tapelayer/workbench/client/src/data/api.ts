@@ -301,6 +301,7 @@ export async function load(made: Job): Promise<Made> {
     made.results.includes("program") ? ask(`${path}/program`).then((response) => response.text()) : null,
   ]);
   const tables = new Map<TableName, Promise<Table | null>>([["poses", Promise.resolve(poses)]]);
+  const { quantities, not_judged: notJudged = [] } = told.find((each) => each.kind === kind)!;
   return {
     job: made,
     kind,
@@ -309,7 +310,8 @@ export async function load(made: Job): Promise<Made> {
     blocks,
     setup: effective(schema, changed),
     changed,
-    quantities: told.find((each) => each.kind === kind)!.quantities,
+    quantities,
+    notJudged,
     limits,
     program,
     url: (what) => `${ROOT}${path}/${what}`,

@@ -129,6 +129,8 @@ export interface KindTold {
   kind: Kind;
   quantities: Quantity[];
   stages: { name: string; words: Words }[];
+  /** What the verification of this kind does not judge, if the server tells. */
+  not_judged?: Words[];
 }
 
 export interface Limit {
@@ -145,6 +147,8 @@ export interface Made {
   blocks: Blocks;
   setup: SetupValues;
   changed: SetupValues;
+  /** What the verification did not judge, if the server tells. */
+  notJudged: Words[];
   /** In the order of the report. */
   quantities: Quantity[];
   /** Limits of the setup by the key of the quantity. */
@@ -185,6 +189,8 @@ export interface Panel {
   clear(): void;
   retranslate(): void;
   retheme?(): void;
+  /** Tells what differs between what is set on the page and what is shown; nothing if they are the same. */
+  outdated?(changes: string[]): void;
 }
 
 export interface ScenePanel extends Panel {

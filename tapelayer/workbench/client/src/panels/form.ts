@@ -52,7 +52,7 @@ function unitOf(key: string): string {
 }
 
 /** The form of the parameters, built from the setup's schema; it sets only values that differ from the defaults. */
-export function createForm(root: HTMLElement, files: () => string[]): Form {
+export function createForm(root: HTMLElement, files: () => string[], onChange: () => void): Form {
   const drafts = Object.fromEntries(
     NAMES.map((kind) => [kind, remembered<SetupValues>(`setup.${kind}`, {})]),
   ) as Record<Kind, SetupValues>;
@@ -82,6 +82,7 @@ export function createForm(root: HTMLElement, files: () => string[]): Form {
     remember(`setup.${current}`, set);
     for (const row of rows) row.element.classList.toggle("changed", set[row.section]?.[row.key] !== undefined);
     for (const [section, count] of counts) count.textContent = String(Object.keys(set[section] ?? {}).length || "");
+    onChange();
   };
 
   const mark = (row: Row, sentence: string): void => {

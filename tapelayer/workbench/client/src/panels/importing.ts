@@ -1,5 +1,7 @@
 import { exampleFile, examples, type Example } from "../data/api";
+import { contentOf } from "../data/contents";
 import { h } from "../elements";
+import { ask } from "./asking";
 import { known, t } from "../i18n";
 import { FIRST, KINDS, kindOfSource, NAMES } from "../data/kinds";
 import type { Kind } from "../data/types";
@@ -25,7 +27,6 @@ export interface Import {
   retranslate(): void;
 }
 
-const FURTHER = /\.(urdf|toml)$/i;
 const UNITS = ["mm", "m", "in"];
 
 const uploaded = (file: File): Source => ({ name: file.name, file: async () => file });
@@ -42,7 +43,14 @@ function picker(testid: string, key: string, accept: string, many: boolean, took
 }
 
 /** The import panel: the file, its kind and unit, and its additional files. */
-export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, onProblem: (error: unknown) => void): Import {
+export function createImport(
+  root: HTMLElement,
+  onKind: (kind: Kind) => void,
+  onProblem: (error: unknown) => void,
+  onChange: () => void,
+  onSetup: (file: File) => Promise<void>,
+  onRefused: (sentences: string[]) => void,
+): Import {
   let kind: Kind = FIRST;
   let source: Source | null = null;
   let mould: File | null = null;
@@ -55,7 +63,9 @@ export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, on
     for (const [name, radio] of radios) radio.checked = name === kind;
     unitRow.hidden = !KINDS[kind].unit;
     mouldRow.hidden = !KINDS[kind].mould;
-    if (other) onKind(kind);
+    if (!other) return;
+    onKind(kind);
+    onChange();
   };
 
   const take = (next: Source, nextKind: Kind): void => {
@@ -64,12 +74,58 @@ export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, on
     draw();
   };
 
-  const takeFiles = (files: File[]): void => {
-    const main = files.find((file) => !FURTHER.test(file.name));
-    parts = [...parts, ...files.filter((file) => file !== main)];
-    if (main) take(uploaded(main), kindOfSource(main.name));
-    else draw();
+  /** Takes a file in place of the present one, after asking where both are courses. */
+  const takeCourses = async (file: File, unasked: boolean): Promise<void> => {
+    if (unasked && source && source.name !== file.name && !KINDS[kind].source) {
+      const choices = { replace: t("ask.replace"), keep: t("ask.keep") };
+      const answer = await ask("ask.courses", t("ask.courses.about", { name: source.name, other: file.name }), choices);
+      if (answer !== "replace") return;
+    }
+    take(uploaded(file), FIRST);
   };
+
+  /** Takes a model: beside courses it may be their mould. */
+  const takeModel = async (file: File, together: boolean, unasked: boolean): Promise<void> => {
+    let mouldWanted = together;
+    if (unasked && !together && source && KINDS[kind].mould) {
+      const choices = { mould: t("ask.model.mould"), spray: t("ask.model.spray") };
+      const answer = await ask("ask.model", t("ask.model.about", { name: file.name, courses: source.name }), choices);
+      if (answer === null) return;
+      mouldWanted = answer === "mould";
+    }
+    if (!mouldWanted) {
+      take(uploaded(file), kindOfSource("a.stl"));
+      return;
+    }
+    mould = file;
+    draw();
+  };
+
+  /**
+   * Takes every file for what its content says, one after the other; what cannot be taken is refused by name. Files
+   * that nobody asked for, as they were dropped, replace others only after a question.
+   */
+  const takeFiles = async (files: File[], unasked: boolean): Promise<void> => {
+    const found = await Promise.all(files.map(async (file) => ({ file, content: await contentOf(file) })));
+    const of = (wanted: string): File[] => found.filter(({ content }) => content === wanted).map(({ file }) => file);
+    const [courses, models, refused] = [of("courses"), of("stl"), [] as string[]];
+    parts = [...parts, ...of("part")];
+    draw();
+    for (const [index, file] of courses.entries()) await takeCourses(file, unasked || index > 0);
+    for (const [index, file] of models.entries()) {
+      if (index) refused.push(t("import.refused.model", { name: file.name }));
+      else await takeModel(file, courses.length > 0, unasked);
+    }
+    for (const [index, file] of of("setup").entries()) {
+      if (index) refused.push(t("import.refused.setup", { name: file.name }));
+      else await onSetup(file);
+    }
+    for (const { name } of of("program")) refused.push(t("import.refused.program", { name }));
+    for (const { name } of of("unknown")) refused.push(t("import.refused.unknown", { name }));
+    if (refused.length) onRefused(refused);
+  };
+
+  const receive = (files: File[], unasked: boolean): void => void takeFiles(files, unasked).catch(onProblem);
 
   const draw = (): void => {
     fileName.textContent = source?.name ?? t("import.none");
@@ -79,6 +135,7 @@ export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, on
       ...parts.map((part) => chip(part.name, "import.part", () => (parts = parts.filter((each) => each !== part)))),
     ];
     chips.replaceChildren(...removable);
+    onChange();
   };
 
   const chip = (name: string, key: string, remove: () => void): HTMLElement => {
@@ -92,7 +149,7 @@ export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, on
 
   const fileName = h("output", { testid: "file-name", class: "file-name" });
   const chips = h("ul", { class: "chips" });
-  const file = picker("import-file", "import.choose", "", true, takeFiles);
+  const file = picker("import-file", "import.choose", "", true, (files) => receive(files, false));
   const zone = h("div", { class: "drop", testid: "drop-zone" }, file, h("span", { t: "import.drop", class: "about" }), fileName);
   const radios = new Map<Kind, HTMLInputElement>();
   const kinds = h("div", { role: "radiogroup", class: "segments", tLabel: "import.kind" });
@@ -102,7 +159,7 @@ export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, on
     radios.set(name, radio);
     kinds.append(radio, h("label", { for: id, t: `kind.${name}` }));
   }
-  const unit = h("select", { id: "unit", testid: "unit" }, ...UNITS.map((each) => h("option", { value: each }, each)));
+  const unit = h("select", { id: "unit", testid: "unit", onchange: () => onChange() }, ...UNITS.map((each) => h("option", { value: each }, each)));
   const unitRow = h("div", { class: "row" }, h("label", { for: "unit", t: "import.unit" }), unit);
   const mouldPicker = picker("import-mould", "import.choose-mould", ".stl", false, ([chosen]) => {
     mould = chosen ?? mould;
@@ -146,7 +203,7 @@ export function createImport(root: HTMLElement, onKind: (kind: Kind) => void, on
     if (!over(event)) return;
     event.preventDefault();
     zone.classList.remove("over");
-    takeFiles([...event.dataTransfer!.files]);
+    receive([...event.dataTransfer!.files], true);
   });
 
   root.append(h("h2", { t: "import" }), zone, example, kinds, unitRow, more, chips);

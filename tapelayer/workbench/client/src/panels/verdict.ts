@@ -80,22 +80,31 @@ export function failuresTable(made: Made, clock: Clock, t: Translate, selection:
 /** The verdict in one line for the page header. */
 export const createBadge: CreatePanel = (root, _clock, t) => {
   let made: Made | null = null;
+  let changes: string[] = [];
   const badge = h("div", { class: "badge", role: "status", testid: "verdict" });
   root.append(badge);
 
   function render(): void {
     badge.hidden = !made;
     if (!made) return;
-    const { report, quantities } = made;
+    const { report, quantities, notJudged } = made;
     const unjudged = beyondUnjudged(made);
     badge.dataset["verdict"] = report.passed ? (unjudged.length ? "unjudged" : "passed") : "failed";
     const word = report.passed ? t("verdict.passed") : t("verdict.failed", { count: report.failures.length });
+    const left = notJudged.map(inWords).join(", ");
+    const silent = left ? [h("b", { class: "free", testid: "not-judged" }, t("verdict.not_judged", { what: left }))] : [];
     const numbers = quantities
       .filter(({ headline }) => headline)
       .map((quantity) => h("span", {}, `${inWords(quantity.words)} `, h("b", {}, shown(report[quantity.key], quantity))));
     const what = unjudged.map(({ words }) => inWords(words)).join(", ");
     const free = what ? [h("b", { class: "free" }, t("verdict.unjudged", { what }))] : [];
-    badge.replaceChildren(h("strong", {}, word), ...free, ...numbers);
+    if (changes.length) {
+      badge.dataset["verdict"] = "stale";
+      const what = h("b", { class: "free" }, t("verdict.stale.changed", { what: changes.join(", ") }));
+      badge.replaceChildren(h("strong", {}, t("verdict.stale")), what, h("span", {}, t("verdict.stale.was", { word, name: made.job.name })));
+    } else {
+      badge.replaceChildren(h("strong", {}, word), ...free, ...silent, ...numbers);
+    }
     badge.title = [...badge.children].map(({ textContent }) => textContent).join(" · ");
   }
 
@@ -110,6 +119,10 @@ export const createBadge: CreatePanel = (root, _clock, t) => {
       render();
     },
     retranslate: render,
+    outdated(next) {
+      changes = next;
+      render();
+    },
   };
 };
 
