@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from post import arcs
 from post.columns import Column, columns_of, moving
 from post.controllers import Controller
-from post.rows import Layout, TextRows, body, course_comment, head
+from post.rows import Layout, TextRows, body, comment_marks, course_comment, head
 from post.words import rounded
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import NotWritable
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
-from tapelayer.provenance import Provenance
+from tapelayer.provenance import Provenance, sealed
 from tapelayer.verification.verified import Verdict, Verified
 
 # The joint that feeds the tape, which some controls reset to zero at each course.
@@ -80,7 +80,10 @@ def write(
     last = f"{controller.blocks.last_line}\n" if controller.blocks.last_line else ""
     courses = [course_comment(trajectory.courses, block, controller) for block in starts.tolist()]
     text = body(rows, columns, circles, controller, courses)
-    return b"".join([head(controller, provenance), *text, last.encode("ascii")])
+    first = head(controller, provenance)
+    before, after = comment_marks(controller)
+    whole = b"".join([first, *text, last.encode("ascii")])
+    return sealed(whole, len(first), f"{before}text sha256: ", after)
 
 
 @dataclass(frozen=True, eq=False)

@@ -158,8 +158,10 @@ def course_comment(courses: np.ndarray, block: int, controller: Controller) -> b
 def _comment(text: str, controller: Controller) -> bytes:
     """Return a comment line, with underscores for characters that could end it or are not printable ASCII."""
     safe = _NOT_IN_COMMENTS.sub("_", text)
-    if controller.blocks.comment[0] == "(":
-        line = f"({safe[: controller.blocks.max_line - 2]})"
-    else:
-        line = f"; {safe[: controller.blocks.max_line - 2]}"
-    return f"{line}\n".encode("ascii")
+    before, after = comment_marks(controller)
+    return f"{before}{safe[: controller.blocks.max_line - 2]}{after}\n".encode("ascii")
+
+
+def comment_marks(controller: Controller) -> tuple[str, str]:
+    """Return what opens and what closes a comment line."""
+    return ("(", ")") if controller.blocks.comment[0] == "(" else ("; ", "")

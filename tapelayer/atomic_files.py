@@ -5,7 +5,8 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
-from collections.abc import Mapping
+import unicodedata
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -34,8 +35,8 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
         devices: list[tuple[Path, bytes]] = []
         for name, data in contents.items():
             try:
-                target = name.resolve()
-                if target.exists() and not target.is_file() and not target.is_dir():
+                target = _followed(name)
+                if _is_device(target):
                     devices.append((target, data))
                     continue
                 _check(target)
@@ -56,6 +57,59 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
                 os.replace(source, target)
         except OSError as error:
             raise _not_writable(target, error) from None
+
+
+def check_names(inputs: Sequence[str], outputs: Sequence[str]) -> None:
+    """Refuse outputs that would replace an input or each other, links and folded case included.
+
+    Devices and pipes may be named more than once.
+
+    Args:
+        inputs: files that are read, as the user named them.
+        outputs: files that are to be written, as the user named them.
+
+    Raises:
+        TargetNotWritable: an output is an input, or two outputs are one file.
+
+    Examples:
+        >>> check_names(["panel.txt"], ["panel.nc", "./panel.nc"])
+        Traceback (most recent call last):
+            ...
+        tapelayer.errors.TargetNotWritable: ./panel.nc: is the same file as the output panel.nc; name another
+    """
+    for place, output in enumerate(outputs):
+        for other, what in (*((name, "input") for name in inputs), *((name, "output") for name in outputs[:place])):
+            if _same(Path(output), Path(other)):
+                raise TargetNotWritable(f"{output}: is the same file as the {what} {other}; name another")
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Return whether two names are one file, or would be, were they written."""
+    with suppress(OSError):
+        return os.path.samefile(one, other) and not _is_device(one)
+    if os.path.exists(one) or os.path.exists(other):
+        return False
+    return _folded(one) == _folded(other)
+
+
+def _folded(name: Path) -> str:
+    """Return an absolute name without links, as a file system that folds case and accents would compare it."""
+    return unicodedata.normalize("NFC", os.path.realpath(name)).casefold()
+
+
+def _is_device(name: Path) -> bool:
+    return name.exists() and not name.is_file() and not name.is_dir()
+
+
+def _followed(name: Path) -> Path:
+    """Return a name without links.
+
+    Raises:
+        OSError: the links lead in a circle, or the file cannot be asked after.
+    """
+    with suppress(FileNotFoundError):
+        os.stat(name)
+    return Path(os.path.realpath(name))
 
 
 def _check(target: Path) -> None:

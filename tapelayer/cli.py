@@ -17,17 +17,18 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from post import controllers
-from tapelayer.atomic_files import write_files
+from tapelayer.atomic_files import check_names, write_files
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import read_courses
 from tapelayer.dispatch import run
-from tapelayer.errors import InputFault, ProgramRefused, SetupRefused
+from tapelayer.errors import InputFault, ProgramRefused, SetupRefused, TargetNotWritable
 from tapelayer.geometry.mesh import Unit
 from tapelayer.jobs.job import JobResult, MachineJob, machine_of
 from tapelayer.jobs.kind import JobKind
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, name_of_source
 from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
+from tapelayer.provenance import sealed, unedited
 from tapelayer.setups.sections import default_text, read_setup
 from tapelayer.units import DEG, MM
 from tapelayer.workbench import command
@@ -58,8 +59,11 @@ Direction = Annotated[
     float | None, typer.Option("--direction-deg", metavar="DEG", help="Travel of the passes, from +x towards +y.")
 ]
 Pitch = Annotated[str | None, typer.Option("--pitch-mm", metavar="MM|auto", help="From pass to pass.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
-Verbose = Annotated[bool, typer.Option("--verbose", help="Say how long each step takes.")]
+Force = Annotated[
+    bool, typer.Option("--force", metavar="", help="Replace files that were edited, or that tapelayer did not write.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", metavar="", help="Say nothing but errors.")]
+Verbose = Annotated[bool, typer.Option("--verbose", metavar="", help="Say how long each step takes.")]
 
 output = Console()
 notices = Console(stderr=True)
@@ -78,6 +82,7 @@ def export(
     ] = None,
     report_file: ReportFile = None,
     html_file: HtmlFile = None,
+    force: Force = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -85,7 +90,9 @@ def export(
     program, to_stdout = _target(target, courses)
     with _ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {courses}")
-        result = _job(kind_of("lay"), courses, setup, controller, {"kinematics": kinematics}).make(str(program), steps)
+        job = _job(kind_of("lay"), courses, setup, controller, {"kinematics": kinematics})
+        _check_outputs(job, [courses, setup], [None if to_stdout else str(program), report_file, html_file], force)
+        result = job.make(str(program), steps)
         if result.failure:
             raise result.failure
         steps.begin("saving")
@@ -112,7 +119,10 @@ def verify(
     report_file: ReportFile = None,
     html_file: HtmlFile = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Judge a program although its header names another setup.")
+        bool,
+        typer.Option(
+            "--force", metavar="", help="Judge a program made with another setup, and replace files as export does."
+        ),
     ] = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -124,7 +134,9 @@ def verify(
     with _ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {source}")
         text = _bytes(program)
-        result = _job(kind, source, setup, controller, options, unit).judge(text, program, force, steps)
+        job = _job(kind, source, setup, controller, options, unit)
+        _check_outputs(job, [program, source, setup], [report_file, html_file], force)
+        result = job.judge(text, program, force, steps)
         _save(result, {}, Path(program).name, report_file, html_file)
     for remark in result.remarks:
         sys.stderr.write(f"{remark}\n")
@@ -152,6 +164,7 @@ def spray(
     ] = None,
     report_file: ReportFile = None,
     html_file: HtmlFile = None,
+    force: Force = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -160,13 +173,17 @@ def spray(
     with _ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {model}")
         options = {"direction_deg": direction_deg, "pitch_mm": pitch_mm}
-        result = _job(kind_of("spray"), model, setup, controller, options, unit).make(str(program), steps)
+        job = _job(kind_of("spray"), model, setup, controller, options, unit)
+        outputs = [None if to_stdout else str(program), trajectory_file, report_file, html_file]
+        _check_outputs(job, [model, setup], outputs, force)
+        result = job.make(str(program), steps)
         if result.failure:
             raise result.failure
         steps.begin("saving")
         contents = {} if to_stdout else {program: result.text}
         if trajectory_file:
-            contents[Path(trajectory_file)] = result.files()["trajectory.txt"]
+            poses = result.files()["trajectory.txt"]
+            contents[Path(trajectory_file)] = sealed(poses, poses.index(b"\n") + 1, "# text sha256: ")
         _save(result, contents, Path(model).name if to_stdout else program.name, report_file, html_file)
     _hand_over(result, program, to_stdout, quiet)
 
@@ -230,13 +247,18 @@ def list_controllers() -> None:
 @app.command(epilog="Example: [bold]tapelayer demo --into demo[/bold]")
 def demo(
     into: Annotated[str, typer.Option("--into", metavar="FOLDER", help="Where the results go.")] = "demo",
+    force: Force = False,
 ) -> None:
     """Run the main job on an example: a cylinder panel at 15 degrees."""
     folder = Path(into)
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise TargetNotWritable(f"{into}: cannot be made a folder: {reason}; name another by --into") from None
     example = files("tapelayer.examples").joinpath("cylinder_panel_15.txt")
     stem = folder / "cylinder_panel_15"
-    export(str(example), None, None, None, f"{stem}.nc", f"{stem}.json", f"{stem}.html")
+    export(str(example), None, None, None, f"{stem}.nc", f"{stem}.json", f"{stem}.html", force)
     output.print(f"open {stem}.html to look at it", highlight=False, soft_wrap=True)
 
 
@@ -289,14 +311,38 @@ def _target(target: str | None, source: str) -> tuple[Path, bool]:
     return Path(target) if target else Path(Path(source).stem + ".nc"), target == "-"
 
 
+def _check_outputs(
+    job: MachineJob[Any, Any], inputs: Sequence[str | None], outputs: Sequence[str | None], force: bool
+) -> None:
+    """Refuse outputs that would replace an input, each other, or, unless forced, work that is not tapelayer's.
+
+    Raises:
+        TargetNotWritable: as said, before any work is done.
+    """
+    values = job.setup.model_dump()
+    named = [values[section][key] for section, key in (*job.setup.FILES, ("output", "controller"))]
+    targets = [name for name in outputs if name]
+    if "-" in targets:
+        raise TargetNotWritable("-: is no name of a report; only the program goes to stdout, by -o -")
+    check_names([name for name in (*inputs, *named) if name], targets)
+    for name in () if force else targets:
+        if Path(name).is_file() and (old := _bytes(name)) and not unedited(old):
+            raise TargetNotWritable(
+                f"{name}: holds what tapelayer did not write, or what was edited since; name another, or replace it "
+                "with --force"
+            )
+
+
 def _save(
     result: JobResult[Any], contents: dict[Path, bytes], title: str, report_file: str | None, html_file: str | None
 ) -> None:
     """Write these files and the requested reports together."""
     if report_file:
-        contents[Path(report_file)] = (json.dumps(result.report(), indent=2, allow_nan=False) + "\n").encode()
+        report = json.dumps(result.report(), indent=2, allow_nan=False).removesuffix("\n}").encode() + b",\n}\n"
+        contents[Path(report_file)] = sealed(report, len(report) - len("}\n"), '  "text_sha256": "', '"')
     if html_file:
-        contents[Path(html_file)] = result.page(title).encode()
+        page = result.page(title).encode()
+        contents[Path(html_file)] = sealed(page, len(page), "<!-- text sha256: ", " -->")
     write_files(contents)
 
 

@@ -2,12 +2,42 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from dataclasses import dataclass
 from importlib.metadata import version
 
 from tapelayer.errors import InputFault, ProgramOfOtherSetup
 
 VERSION = version("tapelayer")
+_SEAL = re.compile(rb"""^[^\n]*\btext[ _]sha256"?: "?([0-9a-f]{64})\b[^\n]*\n""", re.MULTILINE)
+
+
+def sealed(text: bytes, at: int, before: str, after: str = "") -> bytes:
+    r"""Return a text with a line that gives the SHA-256 of all its other lines.
+
+    Args:
+        text: without that line.
+        at: where the line goes, the start of a line.
+        before: what opens the line, before the words; it makes the line a comment, or a value of its own.
+        after: what closes the line.
+
+    Examples:
+        >>> text = sealed(b"%\nM30\n", 2, "(text sha256: ", ")")
+        >>> text[:24], unedited(text), unedited(text.replace(b"M30", b"M02"))
+        (b'%\n(text sha256: 64a8274d', True, False)
+    """
+    line = f"{before}{hashlib.sha256(text).hexdigest()}{after}\n"
+    return text[:at] + line.encode("ascii") + text[at:]
+
+
+def unedited(text: bytes) -> bool:
+    """Return whether a text is as it was sealed: its line with a SHA-256 fits all its other lines."""
+    seal = _SEAL.search(text)
+    if seal is None:
+        return False
+    rest = text[: seal.start()] + text[seal.end() :]
+    return hashlib.sha256(rest).hexdigest().encode("ascii") == seal[1]
 
 
 @dataclass(frozen=True)

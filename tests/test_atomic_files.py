@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tapelayer.atomic_files import write_files
+from tapelayer.atomic_files import check_names, write_files
 from tapelayer.errors import TargetNotWritable
 
 
@@ -111,3 +111,33 @@ def test_two_writers_do_not_mix(tmp_path: Path) -> None:
         thread.join()
     assert target.read_bytes() in contents
     assert names(tmp_path) == {"a.nc"}
+
+
+def test_an_output_that_is_an_input_is_refused(tmp_path: Path) -> None:
+    """However it is named: by another way, a symbolic link, a hard link or a link's folder."""
+    source = tmp_path / "panel.txt"
+    source.write_bytes(b"1")
+    (tmp_path / "link").symlink_to(source)
+    (tmp_path / "folder").symlink_to(tmp_path)
+    os.link(source, tmp_path / "hard")
+    for name in (source, tmp_path / "folder" / "panel.txt", tmp_path / "link", tmp_path / "hard"):
+        with pytest.raises(TargetNotWritable, match=r"is the same file as the input .*panel\.txt; name another"):
+            check_names([str(source)], [str(name)])
+    check_names([str(source)], [str(tmp_path / "panel.nc")])
+
+
+def test_two_outputs_with_one_name_are_refused(tmp_path: Path) -> None:
+    """Also where only a file system that folds case and accents would take them for one; a device takes both."""
+    (tmp_path / "folder").symlink_to(tmp_path)
+    for one, other in (("a.nc", "a.nc"), ("a.nc", "folder/a.nc"), ("a.nc", "A.NC"), ("\u00e9.nc", "e\u0301.nc")):
+        with pytest.raises(TargetNotWritable, match="is the same file as the output"):
+            check_names([], [str(tmp_path / one), str(tmp_path / other)])
+    check_names([], [str(tmp_path / "a.nc"), str(tmp_path / "b.nc"), os.devnull, os.devnull])
+
+
+def test_a_circle_of_links_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.nc").symlink_to(tmp_path / "b.nc")
+    (tmp_path / "b.nc").symlink_to(tmp_path / "a.nc")
+    with pytest.raises(TargetNotWritable, match=r"a\.nc: cannot be written: too many levels of symbolic links"):
+        write_files({tmp_path / "a.nc": b"%"})
+    assert (tmp_path / "a.nc").is_symlink()

@@ -13,9 +13,11 @@ import pytest
 from tapelayer.laying.settings import Setup
 from tapelayer.setups.sections import default_text
 from tests.helpers.paths import ROOT
+from urdf import TAPELAYER
 
 EXAMPLES = ROOT / "examples"
 FLAT = EXAMPLES / "flat_panel_00.txt"
+HERE = os.environ | {"PYTHONPATH": str(ROOT)}
 SWAPPED = "[machine]\nlimits_deg = {c = [-180, 180], a = [-30, 30]}\n"
 
 
@@ -151,8 +153,8 @@ def test_bad_input_is_one_sentence_and_exit_code_2(tmp_path: Path, arguments: tu
 
 def test_a_failing_export_leaves_the_old_program(tmp_path: Path) -> None:
     (tmp_path / "a.nc").write_text("old")
-    run("export", EXAMPLES / "wing_skin_45.txt", "-o", "a.nc", cwd=tmp_path, expect=2)
-    run("export", FLAT, "-o", "a.nc", "--html", "none/a.html", cwd=tmp_path, expect=2)
+    run("export", EXAMPLES / "wing_skin_45.txt", "-o", "a.nc", "--force", cwd=tmp_path, expect=2)
+    run("export", FLAT, "-o", "a.nc", "--html", "none/a.html", "--force", cwd=tmp_path, expect=2)
     assert (tmp_path / "a.nc").read_text() == "old"
     assert names(tmp_path) == {"a.nc"}
 
@@ -201,3 +203,50 @@ def test_two_exports_at_once_do_not_mix(tmp_path: Path) -> None:
     assert [process.wait(120) for process in both] == [0, 0]
     assert (tmp_path / "a.nc").read_bytes() in alone
     assert names(tmp_path) == {"alone.nc", "a.nc"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("export", "a.txt", "-o", "a.txt"), "a.txt: is the same file as the input a.txt; name another"),
+        (("export", "b.nc"), "b.nc: is the same file as the input b.nc; name another"),
+        (("export", "a.txt", "-o", "link"), "link: is the same file as the input a.txt; name another"),
+        (("export", "a.txt", "-o", "x", "--report", "x"), "x: is the same file as the output x; name another"),
+        (("export", "a.txt", "-o", "x", "--html", "./x"), "./x: is the same file as the output x; name another"),
+        (
+            ("export", "a.txt", "--setup", "s.toml", "--report", "s.toml"),
+            "s.toml: is the same file as the input s.toml",
+        ),
+        (("export", "a.txt", "--setup", "s.toml", "--html", "m.urdf"), "m.urdf: is the same file as the input m.urdf"),
+        (("export", "a.txt", "--controller", "./c.toml", "-o", "c.toml"), "is the same file as the input ./c.toml"),
+        (("verify", "p.nc", "a.txt", "--report", "p.nc"), "p.nc: is the same file as the input p.nc"),
+        (("export", "a.txt", "--report", "-"), "-: is no name of a report; only the program goes to stdout, by -o -"),
+        (("export", "a.txt", "-o", "notes"), "notes: holds what tapelayer did not write, or what was edited since"),
+        (("demo", "--into", "a.txt"), "a.txt: cannot be made a folder: file exists; name another by --into"),
+    ],
+)
+def test_no_input_and_no_work_of_others_is_replaced(tmp_path: Path, arguments: tuple[str, ...], sentence: str) -> None:
+    for name in ("a.txt", "b.nc"):
+        (tmp_path / name).write_bytes(FLAT.read_bytes())
+    (tmp_path / "link").symlink_to("a.txt")
+    (tmp_path / "s.toml").write_text('[machine]\nurdf = "m.urdf"\n')
+    (tmp_path / "m.urdf").write_bytes((ROOT / "urdf" / TAPELAYER.name).read_bytes())
+    (tmp_path / "c.toml").write_bytes((ROOT / "post" / "controllers" / "jb3208.toml").read_bytes())
+    (tmp_path / "p.nc").write_text("%\nM30\n%\n")
+    (tmp_path / "notes").write_text("mine")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    done = run(*arguments, cwd=tmp_path, expect=2)
+    assert sentence in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("arguments", [("setup",), ("controllers",)])
+def test_a_full_stdout_is_one_sentence(tmp_path: Path, arguments: tuple[object, ...]) -> None:
+    command = [sys.executable, "-c", "from tapelayer.dispatch import main; main()", *map(str, arguments)]
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run(
+            command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, env=HERE, timeout=120, check=False
+        )
+    assert done.stderr == "the output: cannot be read or written: no space left on device\n"
+    assert done.returncode == 2

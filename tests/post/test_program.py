@@ -12,7 +12,7 @@ from post.controllers.parsing import parse
 from post.program import write
 from tapelayer.errors import ControllerRefused, NotWritable
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
-from tapelayer.provenance import Provenance
+from tapelayer.provenance import Provenance, unedited
 from tests.helpers.machines import TEN_AXES
 from tests.helpers.paths import DATA, ROOT
 
@@ -56,7 +56,7 @@ def body(blocks: list[tuple[Any, ...]], controller: Controller | None = None, ax
     text = write(verified(blocks, axes), controller or load("jb3208"), MADE_FROM).decode("ascii")
     lines = text.splitlines()
     return "\n".join(
-        line for line in lines[1:-2] if not re.match(r"\((tapelayer|source|setup|controller|units|note)", line)
+        line for line in lines[2:-2] if not re.match(r"\((tapelayer|source|setup|text|controller|units|note)", line)
     )
 
 
@@ -397,3 +397,14 @@ def test_golden_program_of_the_spray_robot() -> None:
         (Kind.RAPID, 0, 0.5, {"z": 10}),
     ]
     assert write(verified(blocks, axes), load("generic5"), MADE_FROM) == (GOLDEN / "spray_generic5.nc").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["jb3208", "linuxcnc", "linuxcnc_remap", "sinumerik840d"])
+def test_a_program_states_the_hash_of_its_own_text(name: str) -> None:
+    """So that whoever would replace it can tell whether anyone edited it."""
+    text = write(verified(two_courses()), load(name), MADE_FROM)
+    assert unedited(text)
+    assert not unedited(text.replace(b"X100", b"X101"))
+    assert not unedited(text.replace(b"\n", b"\r\n"))
+    assert not unedited(text + b"\n")
+    assert not unedited(b"".join(line for line in text.splitlines(keepends=True) if b"text sha256" not in line))

@@ -76,7 +76,7 @@ def test_golden_program() -> None:
     seconds = [0, 0, 0, 1.2, 0, 0, 0.5, 0.5, 0.25, 0.1, 0, 0, 0.08, 0, 0.212, 0.02, 0.5]
     assert path.durations == pytest.approx(seconds, rel=1e-5)
     assert path.stated.tolist()[1:3] == [0b100, 0b1111111111]
-    assert path.lines.tolist()[:4] == [10, 11, 12, 13]
+    assert path.lines.tolist()[:4] == [11, 12, 13, 14]
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@
 (setup sha256: cdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcd)
 (controller: generic5)
 (units: mm, deg, s, feed in mm/min)
+(text sha256: e2df88260eea3ed6d3f61630844400ddf630edf57e4f2720f7fbc0747b3e27ee)
 (course 1 of 1)
 N10 G90 G94
 N20 G00 Z10.000

@@ -5,6 +5,7 @@
 (setup sha256: cdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcd)
 (controller: jb3208)
 (units: mm, deg, s, feed in mm/min)
+(text sha256: 843bc313b24a0180c2eaf5e0eb6f78efb558bb1db5d38966464c175a402f6dd6)
 (course 1 of 2)
 N10 G90
 N20 M24

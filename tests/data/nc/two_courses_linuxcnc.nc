@@ -5,6 +5,7 @@
 (setup sha256: cdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcd)
 (controller: linuxcnc)
 (units: mm, deg, s, feed in 1/min)
+(text sha256: 429915970f244d1e497185b2a5bbcefa2fcbc1ca730be21633a9f51143782b70)
 N10 G17 G21 G40 G49 G61 G80
 (course 1 of 2)
 N20 G90 G93

@@ -5,6 +5,7 @@
 (setup sha256: cdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcd)
 (controller: linuxcnc_remap)
 (units: mm, deg, s, feed in 1/min)
+(text sha256: 04e52a09a9eb4cac32c9c4ef628f99d79c1c21f7d80f83c65d2fbe0504c0f851)
 N10 G17 G21 G40 G49 G61 G80
 (course 1 of 2)
 N20 G90 G93

@@ -4,6 +4,7 @@
 ; setup sha256: cdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcdcd
 ; controller: sinumerik840d
 ; units: mm, deg, s, feed in mm/min
+; text sha256: dad129dfd9f3be13feef76ac629219c08cbdf906d9ade6901cc14f08c8395e9b
 N10 G17 G71 G40
 N20 FGROUP(X,Y,Z,A,C,U,V,Q1,B1,B2)
 ; course 1 of 2
