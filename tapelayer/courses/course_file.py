@@ -20,7 +20,8 @@ from tapelayer.atomic_files import write_files
 from tapelayer.courses.course import Course
 from tapelayer.courses.fast_numbers import NeedsCare, values_of_words
 from tapelayer.courses.fault_finding import careful_table
-from tapelayer.courses.table import LONGEST_LINE, CourseTable, TableSteps, cut_angle, from_mm, unit_normals
+from tapelayer.courses.normal_check import NormalCheck
+from tapelayer.courses.table import LONGEST_LINE, CourseTable, TableSteps, cut_angle, from_mm
 from tapelayer.errors import CourseFileRefused, InputFault
 
 _BATCH = 1 << 18  # bytes of numbers processed at once, so that they stay in a core's cache
@@ -115,7 +116,7 @@ def write_courses(courses: Iterable[Course], path: Path | str) -> None:
 
 def _courses(table: CourseTable) -> tuple[Course, ...]:
     points = from_mm(table.rows[:, :3])
-    normals = unit_normals(table.rows[:, 3:6])
+    normals = table.normals
     arc_lengths = from_mm(table.rows[:, 6])
     ends = np.cumsum(table.counts).tolist()
     return tuple(
@@ -197,6 +198,9 @@ def quick_table(text: bytes) -> CourseTable:
     table = CourseTable(numbers, cut_angles, np.concatenate(counts), all_rows, np.ones(len(all_rows), dtype=np.bool_))
     steps = TableSteps.of(table)
     if np.any(table.counts < 2) or np.any(table.without_normal) or np.any(steps.standing | steps.falling | steps.off):
+        raise NeedsCare
+    check = NormalCheck.of(table, steps)
+    if check is not None and np.any(check.damaged):
         raise NeedsCare
     return table
 

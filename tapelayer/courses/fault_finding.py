@@ -9,6 +9,7 @@ from codecs import getincrementaldecoder
 
 import numpy as np
 
+from tapelayer.courses.normal_check import NormalCheck
 from tapelayer.courses.table import CHORD_SHARE, CHORD_SLACK, LONGEST_LINE, NUMBER, CourseTable, TableSteps, cut_angle
 from tapelayer.errors import CourseFileRefused, InputFault
 from tapelayer.vectors import ramp
@@ -276,4 +277,7 @@ def _geometric_faults(table: CourseTable, reader: _Reader) -> list[InputFault]:
                 f"{1000 * CHORD_SLACK:g} mm, got {growth:.4f} mm; measure it again"
             )
         faults.append(fault(step + 1, sentence))
+    check = NormalCheck.of(table, steps)
+    if check is not None:
+        faults.extend(fault(row, check.sentence(row)) for row in np.flatnonzero(check.damaged).tolist())
     return faults

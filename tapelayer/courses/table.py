@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -51,6 +52,12 @@ class CourseTable:
         """
         zero: Mask = (self.rows[:, 3] == 0.0) & (self.rows[:, 4] == 0.0) & (self.rows[:, 5] == 0.0)
         return zero
+
+    @cached_property
+    def normals(self) -> Floats:
+        """Unit normals (n, 3); NaN where a row cannot be read or has none."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return unit_normals(self.rows[:, 3:6])
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from tapelayer.arrays import Floats
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import format_courses, parse_courses, read_courses, write_courses
 from tapelayer.courses.fast_numbers import NeedsCare
+from tapelayer.courses.normal_check import NormalCheck
 from tapelayer.errors import CourseFileRefused, TargetNotWritable
 from tests.helpers.course_files import (
     BAD,
@@ -194,12 +196,14 @@ def files(draw: st.DrawFn) -> bytes:
 
 @given(files())
 def test_any_good_file_makes_the_round_trip(data: bytes) -> None:
-    courses = quickly(data)
-    assert_same(carefully(data), courses)
-    text = format_courses(courses)
-    again = quickly(text)
-    assert_same(again, courses)
-    assert format_courses(again) == text
+    # Normals drawn by chance are those of no surface.
+    with patch.object(NormalCheck, "of", return_value=None):
+        courses = quickly(data)
+        assert_same(carefully(data), courses)
+        text = format_courses(courses)
+        again = quickly(text)
+        assert_same(again, courses)
+        assert format_courses(again) == text
 
 
 @given(st.lists(NUMBERS, min_size=1))
