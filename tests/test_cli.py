@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -241,7 +243,19 @@ def test_no_input_and_no_work_of_others_is_replaced(tmp_path: Path, arguments: t
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-@pytest.mark.parametrize("arguments", [("setup",), ("controllers",)])
+def test_own_outputs_are_replaced_and_edited_ones_with_force_only(tmp_path: Path) -> None:
+    everything = ("export", FLAT, "-o", "a.nc", "--report", "a.json", "--html", "a.html", "--quiet")
+    run(*everything, cwd=tmp_path)
+    run(*everything, cwd=tmp_path)
+    for name in ("a.nc", "a.json", "a.html"):
+        written = (tmp_path / name).read_bytes()
+        (tmp_path / name).write_bytes(written.replace(b"0.0", b"0.1", 1))
+        assert f"{name}: holds what" in run(*everything, cwd=tmp_path, expect=2).stderr
+        run(*everything, "--force", cwd=tmp_path)
+        assert (tmp_path / name).read_bytes() == written
+
+
+@pytest.mark.parametrize("arguments", [("setup",), ("controllers",), ("inspect", FLAT), ("export", FLAT, "-o", "-")])
 def test_a_full_stdout_is_one_sentence(tmp_path: Path, arguments: tuple[object, ...]) -> None:
     command = [sys.executable, "-c", "from tapelayer.dispatch import main; main()", *map(str, arguments)]
     with open("/dev/full", "wb") as full:
@@ -250,3 +264,20 @@ def test_a_full_stdout_is_one_sentence(tmp_path: Path, arguments: tuple[object, 
         )
     assert done.stderr == "the output: cannot be read or written: no space left on device\n"
     assert done.returncode == 2
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.1, 0.3, 0.6, 1.0])
+def test_an_interrupt_at_any_moment_leaves_nothing(tmp_path: Path, seconds: float) -> None:
+    """From the first line of the command on, within its imports too."""
+    code = "import sys; from tapelayer.dispatch import main; print('begun', flush=True); main()"
+    code = code.replace("print", "import tapelayer.dispatch as d; d.signal.signal(2, d._leave); print")
+    command = [sys.executable, "-c", code, "export", str(FLAT), "--quiet"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=-1, stderr=-1, text=True, env=HERE) as started:
+        assert started.stdout is not None
+        started.stdout.readline()
+        time.sleep(seconds)
+        started.send_signal(signal.SIGINT)
+        _, said = started.communicate(timeout=60)
+    assert said == ""
+    assert started.returncode in (0, 130)
+    assert names(tmp_path) == (set() if started.returncode else {"flat_panel_00.nc"})
