@@ -29,6 +29,7 @@ from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, name_of_source
 from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
 from tapelayer.provenance import sealed, unedited
+from tapelayer.reporting.summary import explained
 from tapelayer.setups.sections import default_text, read_setup
 from tapelayer.units import DEG, MM
 from tapelayer.workbench import command
@@ -213,6 +214,15 @@ def setup(
     """Print the default setup as a commented TOML file."""
     chosen = kind_of(kind)
     sys.stdout.write(default_text(chosen.setup, chosen.title))
+
+
+@app.command(epilog="Example: [bold]tapelayer quantities --kind spray[/bold]")
+def quantities(
+    kind: Annotated[KindName, typer.Option("--kind", help="The job: tape laying or spraying.")] = NAMES[0],
+) -> None:
+    """Explain every number of a report: its unit, its limit in the setup and its meaning."""
+    chosen = kind_of(kind)
+    output.print(explained(chosen.rows, chosen.limits(chosen.setup.model_validate({}))))
 
 
 @app.command(epilog="Example: [bold]tapelayer machine --setup job.toml[/bold]")

@@ -143,6 +143,7 @@ class Evidence(Findings):
         tape_taken_back: longest backward run of the tape between courses.
         least_link_clearance: least height of the roller above the highest course point while linking.
         samples: along the courses, at block ends and within blocks.
+        lay_speed: set speed of the nip over the surface, m/s.
         tape_width: metres.
         roller_radius: metres.
         tape: the tape's ledger.
@@ -154,6 +155,7 @@ class Evidence(Findings):
     tape_taken_back: float
     least_link_clearance: float
     samples: Samples
+    lay_speed: float
     tape_width: float
     roller_radius: float
     tape: TapeLedger

@@ -114,6 +114,7 @@ class Inspector(Judge[Evidence]):
             tape_taken_back=taken_back,
             least_link_clearance=clearance,
             samples=samples,
+            lay_speed=self.setup.process.lay_speed_mm_per_s * MM,
             tape_width=self.setup.tape.width_mm * MM,
             roller_radius=self.roller_radius,
             tape=tape,

@@ -31,4 +31,7 @@ def limits_of(setup: Setup) -> Limits:
     """
     limits = setup.verification
     free = POSE - limits.model_fields_set if setup.process.kinematics == "published" else frozenset()
-    return {key: Limit(getattr(limits, key), key not in free) for key in LIMITED}
+    resolved = {key: Limit(getattr(limits, key), key not in free) for key in LIMITED}
+    if limits.min_speed_share is not None:
+        resolved["speed_share"] = Limit(limits.min_speed_share, least=True)
+    return resolved

@@ -12,9 +12,11 @@ from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.tape_ledger import listed_courses, time_shares
 from tapelayer.reporting.quantity import Group, Listing, Quantity, Row, Style, count
 from tapelayer.reporting.words import Words
-from tapelayer.units import DEG, MM
+from tapelayer.units import DEG, MM, json_number
 
 # Failures of a knife that is where it must not be, or is not where it must be.
+# A step at this share of the set speed counts as laid at set speed.
+AT_SPEED = 0.95
 KNIFE_FAILURE = re.compile(
     r"knife_[12]_(switched_again|left_on|off_every_cut_mm)|(rapid|stop)_with_knife_[12]_on"
     r"|cuts_made|cut_width_mm|axis_[vq]_mm"
@@ -58,6 +60,35 @@ def _link_clearance(evidence: Evidence) -> float | None:
     """Return the least clearance between courses, mm; None if the head never links."""
     clearance = evidence.least_link_clearance
     return None if clearance == math.inf else clearance / MM
+
+
+def _lay_speeds(evidence: Evidence) -> tuple[Ints, Floats, Floats]:
+    """Return steps (m,) from sample to sample of one course, with their lengths in metres and speeds in m/s."""
+    samples = evidence.samples
+    steps = np.flatnonzero((np.diff(samples.courses) == 0) & (np.diff(samples.arc_lengths) > 0.0))
+    lengths, times = np.diff(samples.arc_lengths)[steps], np.diff(samples.times)[steps]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return steps, lengths, lengths / times
+
+
+def speed_share(evidence: Evidence) -> float:
+    """Return the share of the laid length at set speed; NaN if nothing was laid."""
+    _, lengths, speeds = _lay_speeds(evidence)
+    whole = float(np.sum(lengths))
+    return float(np.sum(lengths[speeds >= AT_SPEED * evidence.lay_speed])) / whole if whole > 0.0 else math.nan
+
+
+def _slowest_laying(evidence: Evidence) -> dict[str, float | int | None] | None:
+    """Return the place where the tape is laid most slowly, rests aside; None if nothing was laid."""
+    steps, _, speeds = _lay_speeds(evidence)
+    if not len(steps):
+        return None
+    row = int(steps[np.argmin(speeds)])
+    return {
+        "course": evidence.tape.rows[int(evidence.samples.courses[row])].course if evidence.tape.rows else 0,
+        "arc_length_mm": json_number(float(evidence.samples.arc_lengths[row]) / MM),
+        "speed_mm_per_s": json_number(float(np.min(speeds)) / MM),
+    }
 
 
 def _knife_conflicts(evidence: Evidence) -> int:
@@ -334,6 +365,20 @@ ROWS: tuple[Row[Evidence], ...] = (
         style=Style.POWER,
         required=True,
     ),
+    Quantity(
+        "speed_share",
+        Words("share at set speed", "达速比例"),
+        Words(
+            "share of the laid length at 95 % of the laying speed or more, by the program's own times",
+            "按程序自身用时，速度不低于铺放速度 95 % 的铺放长度所占比例",
+        ),
+        "",
+        3,
+        speed_share,
+        Group.ERROR,
+        optional=True,
+    ),
+    Listing("slowest_laying", _slowest_laying),
     Listing("time_shares", lambda e: time_shares(e.tape), required=True),
     Listing("program_sha256", lambda e: e.program_sha256),
     Listing("tape", lambda e: listed_courses(e.tape), required=True),

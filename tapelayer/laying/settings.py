@@ -115,6 +115,10 @@ class VerificationSettings(Section, title="Verification"):
     max_tape_error_mm: Annotated[Positive, Field(description="tape fed against arc length at the nip")] = 0.05
     max_cut_error_mm: Annotated[Positive, Field(description="knife off its cut line on the tape")] = 0.05
     max_blade_error_deg: Annotated[Positive, Field(description="blade off the direction of its cut")] = 0.05
+    min_speed_share: Annotated[
+        Positive | None,
+        Field(description="share of the laid length at 95 % of the laying speed or more; without it not judged", le=1),
+    ] = None
 
 
 class LayOutputSettings(OutputSettings, title="Output"):

@@ -104,6 +104,7 @@ def evidence(**changes: object) -> Evidence:
         axes=axes(),
         limits=limits_of(Setup()),
         samples=samples(),
+        lay_speed=0.25,
         tape_width=0.075,
         roller_radius=0.04,
         tape=worn(),

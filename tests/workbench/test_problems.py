@@ -83,6 +83,7 @@ LAY = Evidence(
     axes=(),
     limits={},
     samples=Samples.joined([]),
+    lay_speed=0.0,
     tape_width=0.0,
     roller_radius=0.0,
     tape=TapeLedger((), (), 0.0, 0.0, 0.0, 0.0),
