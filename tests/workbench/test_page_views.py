@@ -1,0 +1,59 @@
+"""Search, tables and the view of the machine, as a person meets them on the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tests.helpers.browsing import Person, api, chromium
+from tests.helpers.served import Workbench
+from tests.workbench.test_page import EXAMPLE, Made
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def workbench(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterator[Workbench]:
+    with Workbench(tmp_path_factory.mktemp("work"), "--workers", 1) as workbench:
+        yield workbench
+
+
+@pytest.fixture(scope="module")
+def laid(browser: Any, workbench: Workbench) -> Iterator[Person]:
+    person = Person(browser, workbench.url)
+    person.open()
+    person["example-select"].select_option(EXAMPLE)
+    person.see("file-name", EXAMPLE)
+    assert person.generate() == "done"
+    person.made()
+    yield person
+    person.leave()
+
+
+def test_places_of_a_word_are_counted_and_gone_round(laid: Person) -> None:
+    words = Made(laid).text.decode().lower()
+    count = words.count("m2")
+    assert count > 2
+    laid["program-search"].click()
+    laid.page.keyboard.type("m2")
+    laid.see("search-count", f"{count} found")
+    for number in (1, 2):
+        laid.page.keyboard.press("Enter")
+        api.expect(laid["search-count"]).to_have_text(f"{number} of {count}")
+    for number in (1, count):
+        laid.page.keyboard.press("Shift+Enter")
+        api.expect(laid["search-count"]).to_have_text(f"{number} of {count}")
+    laid.page.keyboard.press("Enter")
+    api.expect(laid["search-count"]).to_have_text(f"1 of {count}")
+    laid["program"].locator("[name=search]").fill("no such word")
+    api.expect(laid["search-count"]).to_have_text("not found")
+    laid.page.keyboard.press("Escape")
+    api.expect(laid["search-count"]).to_have_count(0)
