@@ -1,7 +1,7 @@
 import { Box3, Group, type Mesh } from "three";
 import type { Raycaster } from "three";
 import type { Made, Table } from "../data/types";
-import { COAT, legend } from "./legend";
+import { COAT, inDigits, legend } from "./legend";
 import type { Machine3D } from "./machine3d";
 import type { Motion } from "./motion";
 import { Coat, Passes, sprayCone } from "./spray3d";
@@ -63,8 +63,10 @@ export class Spraying implements Work {
 
   colour(): HTMLElement | null {
     if (!this.coat) return null;
-    const { most, thicker, unit } = this.coat;
-    return legend(COAT, most, `scene.thickness.${unit}`, { open: thicker });
+    const { low, mean, high, unit } = this.coat;
+    const ticks = [`${inDigits(low)} (−20 %)`, inDigits(mean), `${inDigits(high)} (+20 %)`];
+    const notes = { bare: "scene.bare", under: "scene.under", beyond: "scene.over" };
+    return legend(COAT, ticks, `scene.thickness.${unit}`, notes);
   }
 
   dispose(): void {
