@@ -57,3 +57,22 @@ def test_places_of_a_word_are_counted_and_gone_round(laid: Person) -> None:
     api.expect(laid["search-count"]).to_have_text("not found")
     laid.page.keyboard.press("Escape")
     api.expect(laid["search-count"]).to_have_count(0)
+
+
+def test_elevations_are_parallel_until_they_are_turned(laid: Person) -> None:
+    scene = laid["scene"]
+    for direction in ("top", "front", "side"):
+        laid[f"view-{direction}"].click()
+        api.expect(scene).to_have_attribute("data-projection", "parallel")
+        laid.keep(f"view-{direction}")
+        box = scene.bounding_box()
+        laid.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        laid.page.mouse.wheel(0, -200)
+        api.expect(scene).to_have_attribute("data-projection", "parallel")
+        laid.page.mouse.down()
+        laid.page.mouse.move(box["x"] + box["width"] / 2 + 40, box["y"] + box["height"] / 2 - 40, steps=4)
+        laid.page.mouse.up()
+        api.expect(scene).to_have_attribute("data-projection", "perspective")
+        laid.keep(f"view-{direction}-turned")
+    laid["view-iso"].click()
+    api.expect(scene).to_have_attribute("data-projection", "perspective")

@@ -183,7 +183,7 @@ class ScenePicture implements ScenePanel {
     this.pointer.set((2 * (event.clientX - left)) / width - 1, 1 - (2 * (event.clientY - top)) / height);
     this.raycaster.setFromCamera(this.pointer, this.view.camera);
     // Lines are hit within a few pixels.
-    this.raycaster.params.Line.threshold = 0.006 * this.view.camera.position.distanceTo(this.view.controls.target);
+    this.raycaster.params.Line.threshold = 0.01 * this.view.height;
     return this.stage?.hit(this.raycaster) ?? 0;
   }
 
@@ -224,9 +224,7 @@ class ScenePicture implements ScenePanel {
     const factor = { "+": ZOOM, "=": ZOOM, "-": 1 / ZOOM }[event.key];
     if (!factor) return;
     event.preventDefault();
-    const { target } = this.view.controls;
-    this.view.camera.position.sub(target).multiplyScalar(factor).add(target);
-    this.view.draw();
+    this.view.zoom(factor);
   }
 
   private say(text: string): void {
