@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
+from tapelayer.courses.course import Course
+from tapelayer.courses.course_file import format_courses
 from tests.helpers.browsing import Person, api, chromium
 from tests.helpers.served import Workbench
 from tests.workbench.test_page import EXAMPLE, Made
@@ -76,3 +79,30 @@ def test_elevations_are_parallel_until_they_are_turned(laid: Person) -> None:
         laid.keep(f"view-{direction}-turned")
     laid["view-iso"].click()
     api.expect(scene).to_have_attribute("data-projection", "perspective")
+
+
+def rows_of(count: int) -> bytes:
+    """Short straight courses side by side."""
+    y = np.linspace(0, 0.4, 3)
+    paths = [np.column_stack([np.full_like(y, 2e-3 * number), y, 0 * y]) for number in range(count)]
+    normals, square = np.tile([0.0, 0.0, 1.0], (3, 1)), (np.pi / 2, np.pi / 2)
+    return format_courses(Course(number + 1, path, normals, y, square) for number, path in enumerate(paths))
+
+
+def test_a_long_ledger_draws_the_rows_in_view(laid: Person) -> None:
+    laid.choose_file("import-file", "many.txt", rows_of(300))
+    assert laid.generate() == "done"
+    laid.made()
+    laid["tab-ledger"].click()
+    ledger = laid["ledger"]
+    rows = ledger.locator("tbody tr[aria-rowindex]")
+    api.expect(ledger.locator("table")).to_have_attribute("aria-rowcount", "302")
+    api.expect(rows.nth(15)).to_contain_text("16")
+    assert rows.count() < 100
+    ledger.evaluate("(panel) => panel.scrollTo(0, panel.scrollHeight)")
+    api.expect(rows.last).to_have_attribute("aria-rowindex", "301")
+    assert rows.count() < 100
+    laid.keep("long-ledger")
+    rows.last.locator("button").first.click()
+    laid.see("clock-place", "course 300")
+    laid.page.keyboard.press("Control+Home")
