@@ -106,3 +106,18 @@ def test_a_long_ledger_draws_the_rows_in_view(laid: Person) -> None:
     rows.last.locator("button").first.click()
     laid.see("clock-place", "course 300")
     laid.page.keyboard.press("Control+Home")
+
+
+def test_machine_and_passes_are_hidden(laid: Person) -> None:
+    laid["view-iso"].click()
+    laid["view-machine"].click()
+    laid.page.wait_for_timeout(1000)
+    before = laid.picture("scene")
+    laid["hide-machine"].click()
+    api.expect(laid["hide-machine"]).to_have_attribute("aria-pressed", "true")
+    laid.page.wait_for_timeout(1000)
+    laid.keep("machine-hidden")
+    assert (np.abs(before - laid.picture("scene")).max(axis=2) > 20).mean() > 0.01
+    laid["hide-machine"].click()
+    api.expect(laid["hide-passes"]).to_be_hidden()
+    assert "wheel: zoom" in laid["scene"].get_attribute("title")

@@ -9,6 +9,7 @@ import { type Colouring, numberOf, partOf, type Work } from "./work";
 export class Laying implements Work {
   readonly object = new Group();
   readonly box = new Box3();
+  readonly lines = null;
   private readonly ribbons: Ribbons | null;
   private readonly part: ReturnType<typeof partOf>;
 

@@ -12,6 +12,7 @@ export class Spraying implements Work {
   readonly object = new Group();
   readonly box = new Box3();
   readonly measured = false;
+  readonly lines: Group;
   private readonly part: ReturnType<typeof partOf>;
   private readonly passes: Passes;
   private readonly coat: Coat | null;
@@ -32,7 +33,8 @@ export class Spraying implements Work {
     const standoff = Number(made.report["standoff_mm"]) * MM;
     machine.set("standoff", standoff);
     this.passes = new Passes(machine, motion);
-    this.object.add(this.passes.object);
+    this.lines = this.passes.object;
+    this.object.add(this.lines);
     const working = machine.frame("P");
     const spot = numberOf(made.setup, "spray", "spot_mm", 0) * MM;
     if (working && spot > 0) {
