@@ -578,7 +578,7 @@ def test_a_coat_grows(guest: Person) -> None:
         coated.append(int(((green > 100) & (green > 1.1 * red) & (green > 1.05 * blue)).sum()))
         guest.keep(f"spray-{share}")
     assert coated == sorted(coated) and len(set(coated)) == 5 and coated[-1] > 20 * coated[0]
-    for words in ("(−20 %)", "(+20 %)", "under the mean − 20 %", "over the mean + 20 %"):
+    for words in ("−20 %", "+20 %", "under the mean − 20 %", "over the mean + 20 %"):
         guest.see("legend", words)
     guest["tab-plots"].click()
     guest["plots-thickness"].click()

@@ -61,7 +61,7 @@ export function placeOf(value: number, most: number): number {
 
 /** A value as short as its size allows. */
 export function inDigits(value: number): string {
-  return value.toFixed(value === 0 || value >= 100 ? 0 : value >= 10 ? 1 : value >= 1 ? 2 : 4);
+  return value.toFixed(value === 0 || value >= 100 ? 0 : value >= 10 ? 1 : value >= 0.5 ? 2 : 4);
 }
 
 /** A labelled colour scale; `title` is a text key, and so are `notes`, by the class of the colour they name. */

@@ -66,7 +66,7 @@ export class Spraying implements Work {
   colour(): HTMLElement | null {
     if (!this.coat) return null;
     const { low, mean, high, unit } = this.coat;
-    const ticks = [`${inDigits(low)} (−20 %)`, inDigits(mean), `${inDigits(high)} (+20 %)`];
+    const ticks = [`${inDigits(low)}\n−20 %`, inDigits(mean), `${inDigits(high)}\n+20 %`];
     const notes = { bare: "scene.bare", under: "scene.under", beyond: "scene.over" };
     return legend(COAT, ticks, `scene.thickness.${unit}`, notes);
   }
