@@ -13,38 +13,41 @@ import { h, translateAll } from "../elements";
 import { lowerBound } from "../views/motion";
 import type { Translate } from "../data/types";
 
-/** Where a text stands in another: the first character of each place and the one after its last. */
+/** Where a text stands in another: the first character of each place, and the length of all or of each. */
 interface Found {
   begins: number[];
-  ends: number[];
+  length: number | number[];
 }
 
-const NOTHING: Found = { begins: [], ends: [] };
+const NOTHING: Found = { begins: [], length: 0 };
+
+/** The character after a place's last. */
+function endOf({ begins, length }: Found, place: number): number {
+  return begins[place]! + (typeof length === "number" ? length : length[place]!);
+}
 
 /** Places of a query in a text; the plain string is looked for at once, as the editor's cursor is slow in long ones. */
 function find(text: string, folded: string, query: SearchQuery): Found {
   const { search: wanted, caseSensitive, regexp, wholeWord } = query;
   if (!query.valid) return NOTHING;
-  const found: Found = { begins: [], ends: [] };
+  const begins: number[] = [];
   if (!regexp && !wholeWord) {
     const [where, what] = caseSensitive ? [text, wanted] : [folded, wanted.toLowerCase()];
-    for (let begin = where.indexOf(what); begin >= 0; begin = where.indexOf(what, begin + what.length)) {
-      found.begins.push(begin);
-      found.ends.push(begin + what.length);
-    }
-    return found;
+    for (let begin = where.indexOf(what); begin >= 0; begin = where.indexOf(what, begin + what.length)) begins.push(begin);
+    return { begins, length: what.length };
   }
+  const lengths: number[] = [];
   const pattern = regexp ? wanted : wanted.replace(/[\\^$.*+?()[\]{}|]/g, "\\$&");
   const look = new RegExp(wholeWord ? `(?<!\\w)(?:${pattern})(?!\\w)` : pattern, caseSensitive ? "gm" : "gim");
   for (let match = look.exec(text); match; match = look.exec(text)) {
     // A pattern that is content with nothing would stay where it is.
     if (!match[0]) look.lastIndex += 1;
     else {
-      found.begins.push(match.index);
-      found.ends.push(look.lastIndex);
+      begins.push(match.index);
+      lengths.push(match[0].length);
     }
   }
-  return found;
+  return { begins, length: lengths };
 }
 
 class Searching implements Panel {
@@ -100,12 +103,12 @@ class Searching implements Panel {
 
   /** Goes to the next place, or the one before; round the ends of the program. */
   move(step: 1 | -1): void {
-    const { begins, ends } = this.found;
+    const { begins } = this.found;
     if (!begins.length) return;
     const { from, to } = this.view.state.selection.main;
     const next = step > 0 ? lowerBound(begins, to) : lowerBound(begins, from) - 1;
     const place = (next + begins.length) % begins.length;
-    const selection = EditorSelection.single(begins[place]!, ends[place]!);
+    const selection = EditorSelection.single(begins[place]!, endOf(this.found, place));
     const effects = EditorView.scrollIntoView(selection.main, { y: "center" });
     this.view.dispatch({ selection, effects, userEvent: "select.search" });
   }
@@ -138,11 +141,11 @@ class Searching implements Panel {
 
   /** Says how many places there are, and which of them is selected. */
   private tell(): void {
-    const { begins, ends } = this.found;
+    const { begins } = this.found;
     const { from, to } = this.view.state.selection.main;
     const place = lowerBound(begins, from);
     const values = { number: place + 1, count: begins.length };
-    const key = begins.length === 0 ? "none" : begins[place] === from && ends[place] === to ? "place" : "count";
+    const key = begins.length === 0 ? "none" : begins[place] === from && endOf(this.found, place) === to ? "place" : "count";
     const told = this.query.search ? this.t(`search.${key}`, values) : "";
     if (this.told.textContent !== told) this.told.textContent = told;
   }
