@@ -576,9 +576,11 @@ def test_a_coat_grows(guest: Person) -> None:
         guest.page.mouse.click(slider["x"] + 1 + share * (slider["width"] - 2), slider["y"] + slider["height"] / 2)
         guest.page.wait_for_timeout(400)
         red, green, blue = np.moveaxis(guest.picture("scene"), 2, 0)
-        coated.append(int(((green > 150) & (blue < 90) & (green > 0.9 * red)).sum()))
+        coated.append(int(((green > 100) & (green > 1.1 * red) & (green > 1.05 * blue)).sum()))
         guest.keep(f"spray-{share}")
     assert coated == sorted(coated) and len(set(coated)) == 5 and coated[-1] > 20 * coated[0]
+    for words in ("−20 %", "+20 %", "under the mean − 20 %", "over the mean + 20 %"):
+        guest.see("legend", words)
     guest["tab-plots"].click()
     guest["plots-thickness"].click()
     api.expect(guest["plot-thickness"]).to_be_visible()

@@ -2,7 +2,8 @@ import "./results.css";
 import { h } from "../elements";
 import type { Clock, CreatePanel, Kind, Made, Selection, Translate } from "../data/types";
 import { fixed, inWords, shown } from "../data/quantities";
-import { facts, link, numeric, table, words } from "./tables";
+import { longTable } from "./longtable";
+import { facts, link, numeric, words } from "./tables";
 
 interface Cut {
   end: "start" | "end";
@@ -68,7 +69,7 @@ function cutCells(row: TapeRow, end: Cut["end"], clock: Clock, t: Translate): Ce
   ];
 }
 
-function tapeTable(rows: TapeRow[], clock: Clock, t: Translate, selection: Selection): HTMLElement {
+function tapeTable(root: HTMLElement, rows: TapeRow[], clock: Clock, t: Translate, selection: Selection): HTMLElement {
   const cut = (end: string): ReturnType<typeof words>[] => [
     words(t(`ledger.${end}_knife`)),
     numeric(t("ledger.angle_deg")),
@@ -82,19 +83,19 @@ function tapeTable(rows: TapeRow[], clock: Clock, t: Translate, selection: Selec
     ...cut("start"),
     ...cut("end"),
   ];
-  const body = rows.map((row) => [
+  const cells = (row: TapeRow): Cells => [
     toCourse(row.course, clock, t, selection),
     ...LISTED.map((key) => number(row[key], 3)),
     String(row.laying_stops),
     ...cutCells(row, "start", clock, t),
     ...cutCells(row, "end", clock, t),
-  ]);
+  ];
   // The sum of values that were not measured is not a number either.
   const sum = (key: ListedNumber): number => rows.reduce((total, row) => total + (row[key] ?? Number.NaN), 0);
   const totals = LISTED.map((key) => (key === "station_mm" ? "" : number(Number.isNaN(sum(key)) ? null : sum(key), 3)));
   const stops = rows.reduce((total, row) => total + row.laying_stops, 0);
   const foot = [t("ledger.total"), ...totals, String(stops), ...Array.from({ length: 8 }, () => "")];
-  return table(t("ledger.tape"), columns, body, [foot]);
+  return longTable(root, t("ledger.tape"), columns, rows.length, (row) => cells(rows[row]!), [foot]);
 }
 
 function coatFacts(made: Made, t: Translate): HTMLElement {
@@ -116,30 +117,30 @@ function coatFacts(made: Made, t: Translate): HTMLElement {
 }
 
 /** The table of passes: when each is sprayed, and its lines in the program. */
-function passesTable(made: Made, clock: Clock, t: Translate, selection: Selection): HTMLElement {
+function passesTable(root: HTMLElement, made: Made, clock: Clock, t: Translate, selection: Selection): HTMLElement {
   const { courses, lines } = made.blocks;
   const times = made.poses.column("time_s");
-  const rows: Cells[] = [];
+  const passes: [first: number, end: number][] = [];
   for (let row = 0; row < courses.length; ) {
     const first = row;
     const pass = courses[row]!;
     while (row < courses.length && courses[row] === pass) row++;
-    if (!pass) continue;
+    if (pass) passes.push([first, row]);
+  }
+  const cells = (index: number): Cells => {
+    const [first, end] = passes[index]!;
     const begin = times[Math.max(first - 1, 0)]!;
     const line = lines[first]!;
-    const place = link(String(line), t("place.go"), () => clock.seekLine(line));
-    rows.push([
-      toCourse(pass, clock, t, selection),
-      fixed(begin, 2),
-      fixed(times[row - 1]! - begin, 2),
-      line ? place : "–",
-    ]);
-  }
+    const duration = fixed(times[end - 1]! - begin, 2);
+    const place = line ? link(String(line), t("place.go"), () => clock.seekLine(line)) : "–";
+    return [toCourse(courses[first]!, clock, t, selection), fixed(begin, 2), duration, place];
+  };
   const columns = ["ledger.pass", "ledger.begin_s", "ledger.duration_s", "ledger.line"].map((key) => numeric(t(key)));
-  return table(t("ledger.passes"), columns, rows);
+  return longTable(root, t("ledger.passes"), columns, passes.length, cells);
 }
 
 function placesTable<Found extends Place>(
+  root: HTMLElement,
   caption: string,
   found: Found[],
   told: (place: Found) => string[],
@@ -148,29 +149,30 @@ function placesTable<Found extends Place>(
   t: Translate,
 ): HTMLElement {
   const columns = [numeric(t("ledger.pass")), ...["x mm", "y mm", "z mm"].map(numeric), ...headings.map(words)];
-  const rows = found.map((place): Cells => {
+  const cells = (row: number): Cells => {
+    const place = found[row]!;
     const { x_mm, y_mm, z_mm } = place;
     return [pass(place.pass), ...[x_mm, y_mm, z_mm].map((value) => fixed(value, 1)), ...told(place)];
-  });
-  return table(caption, columns, rows);
+  };
+  return longTable(root, caption, columns, found.length, cells);
 }
 
-function laid(made: Made, clock: Clock, t: Translate, selection: Selection): HTMLElement[] {
-  return [tapeTable(made.report["tape"] as TapeRow[], clock, t, selection)];
+function laid(root: HTMLElement, made: Made, clock: Clock, t: Translate, selection: Selection): HTMLElement[] {
+  return [tapeTable(root, made.report["tape"] as TapeRow[], clock, t, selection)];
 }
 
-function sprayed(made: Made, clock: Clock, t: Translate, selection: Selection): HTMLElement[] {
+function sprayed(root: HTMLElement, made: Made, clock: Clock, t: Translate, selection: Selection): HTMLElement[] {
   const pass = (number: number): HTMLElement => toCourse(number, clock, t, selection);
-  const nodes = [coatFacts(made, t), passesTable(made, clock, t, selection)];
+  const nodes = [coatFacts(made, t), passesTable(root, made, clock, t, selection)];
   const splits = made.report["splits"] as Split[];
   const reason = (split: Split): string[] => [t(`ledger.split_${split.reason ?? "unplanned"}`)];
   if (splits.length) {
-    nodes.push(placesTable(t("ledger.splits"), splits, reason, [t("ledger.reason")], pass, t));
+    nodes.push(placesTable(root, t("ledger.splits"), splits, reason, [t("ledger.reason")], pass, t));
   }
   const slow = made.report["slowdowns"] as Slowdown[];
   const speed = (place: Slowdown): string[] => [place.axis, fixed(place.speed_mm_per_s, 1)];
   const headings = [t("report.axis"), t("ledger.gun_speed")];
-  if (slow.length) nodes.push(placesTable(t("ledger.slowdowns"), slow, speed, headings, pass, t));
+  if (slow.length) nodes.push(placesTable(root, t("ledger.slowdowns"), slow, speed, headings, pass, t));
   return nodes;
 }
 
@@ -184,7 +186,7 @@ export const createLedger: CreatePanel = (root, clock, t, selection) => {
 
   function render(): void {
     if (!made) root.replaceChildren(h("p", { class: "empty" }, t("ledger.empty")));
-    else root.replaceChildren(...LEDGERS[made.kind](made, clock, t, selection));
+    else root.replaceChildren(...LEDGERS[made.kind](root, made, clock, t, selection));
   }
 
   render();

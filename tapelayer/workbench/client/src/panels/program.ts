@@ -1,6 +1,6 @@
 import "./results.css";
 import { standardKeymap } from "@codemirror/commands";
-import { openSearchPanel, search, searchKeymap } from "@codemirror/search";
+import { openSearchPanel } from "@codemirror/search";
 import { Compartment, EditorSelection, EditorState, RangeSet, StateEffect, StateField, type Range } from "@codemirror/state";
 import {
   Decoration,
@@ -16,6 +16,7 @@ import { h } from "../elements";
 import { lowerBound } from "../views/motion";
 import { FIRST, KINDS } from "../data/kinds";
 import type { Blocks, Clock, CreatePanel, Made, ProgramPanel, Selection, Translate } from "../data/types";
+import { searching } from "./searching";
 import { failuresTable } from "./verdict";
 
 // The program follows a playing clock no more often than the eye can.
@@ -27,19 +28,7 @@ const CLASSES = ["nc-comment", "nc-number", "nc-g", "nc-m", "nc-feed", "nc-axis"
 const MARKS = CLASSES.map((name) => Decoration.mark({ class: name }));
 const CURRENT = Decoration.line({ class: "nc-current", attributes: { "aria-current": "true" } });
 const CHOSEN = Decoration.line({ class: "nc-chosen" });
-const PHRASES = [
-  "Find",
-  "next",
-  "previous",
-  "match case",
-  "regexp",
-  "by word",
-  "close",
-  "Go to line",
-  "go",
-  "current match",
-  "on line",
-];
+const PHRASES = ["Go to line", "go", "close"];
 
 /** Lines of a course in the program, from 1, including its comment. */
 interface Stretch {
@@ -145,8 +134,7 @@ const look = EditorView.theme({
     backgroundImage: "none",
     border: "1px solid var(--strong-line)",
   },
-  // A read-only program needs only one selection.
-  ".cm-panel.cm-search [name=select]": { display: "none" },
+  ".cm-panel.cm-search output": { minWidth: "5rem", display: "inline-block", padding: "0 0.4rem" },
   ".cm-panel.cm-search [name=close]": { color: "var(--text)", fontSize: "1rem" },
   "input:focus-visible, button:focus-visible": { outline: "2px solid var(--focus)", outlineOffset: "1px" },
 });
@@ -307,8 +295,8 @@ class ProgramView implements ProgramPanel {
         chosenStretch,
         chosen,
         look,
-        search({ top: true }),
-        keymap.of([{ key: "Space", run: () => this.toggle() }, ...searchKeymap, ...standardKeymap]),
+        searching(this.t),
+        keymap.of([{ key: "Space", run: () => this.toggle() }, ...standardKeymap]),
         this.words.of(this.phrases()),
         EditorView.updateListener.of((update) => this.moved(update)),
       ],

@@ -11,22 +11,26 @@ export interface Column {
 export const words = (heading: string): Column => ({ heading, numeric: false });
 export const numeric = (heading: string): Column => ({ heading, numeric: true });
 
+const style = (column: Column): string | undefined => (column.numeric ? "number" : undefined);
+
+/** A row of a table. */
+export function line(columns: Column[], cells: Content[]): HTMLTableRowElement {
+  return h("tr", {}, ...cells.map((cell, index) => h("td", { class: style(columns[index]!) }, cell)));
+}
+
 /** A table with a caption; rows hold their cells in the order of the columns. */
 export function table(caption: string, columns: Column[], rows: Content[][], foot: Content[][] = []): HTMLTableElement {
-  const style = (index: number): string | undefined => (columns[index]!.numeric ? "number" : undefined);
-  const line = (cells: Content[]): HTMLElement =>
-    h("tr", {}, ...cells.map((cell, index) => h("td", { class: style(index) }, cell)));
-  const headings = columns.map(({ heading }, index) =>
-    heading ? h("th", { scope: "col", class: style(index) }, heading) : h("td"),
+  const headings = columns.map((column) =>
+    column.heading ? h("th", { scope: "col", class: style(column) }, column.heading) : h("td"),
   );
   const made = h(
     "table",
     { class: "result" },
     h("caption", {}, caption),
     h("thead", {}, h("tr", {}, ...headings)),
-    h("tbody", {}, ...rows.map(line)),
+    h("tbody", {}, ...rows.map((cells) => line(columns, cells))),
   );
-  if (foot.length) made.append(h("tfoot", {}, ...foot.map(line)));
+  if (foot.length) made.append(h("tfoot", {}, ...foot.map((cells) => line(columns, cells))));
   return made;
 }
 

@@ -1,7 +1,7 @@
 import { Box3, Group } from "three";
 import type { Raycaster } from "three";
 import type { Made, Table } from "../data/types";
-import { ERRORS, legend } from "./legend";
+import { ERRORS, inDigits, legend } from "./legend";
 import { Ribbons } from "./ribbons";
 import { type Colouring, numberOf, partOf, type Work } from "./work";
 
@@ -9,6 +9,7 @@ import { type Colouring, numberOf, partOf, type Work } from "./work";
 export class Laying implements Work {
   readonly object = new Group();
   readonly box = new Box3();
+  readonly lines = null;
   private readonly ribbons: Ribbons | null;
   private readonly part: ReturnType<typeof partOf>;
 
@@ -59,9 +60,11 @@ export class Laying implements Work {
     const errors = this.errors.column("position_error_mm");
     const limit = numberOf(this.made.setup, "verification", "max_position_error_mm", Infinity);
     const greatest = errors.reduce((most, error) => (error > most ? error : most), 0);
-    const most = Math.min(greatest, limit);
+    // Jobs are comparable only where the scale ends at the limit.
+    const most = Number.isFinite(limit) ? limit : greatest;
     this.ribbons.colourBy(this.errors.column("time_s"), errors, most, limit);
-    return legend(ERRORS, most, "scene.error", { note: greatest <= limit ? "" : "scene.beyond" });
+    const ticks = [0, most / 2, most].map(inDigits);
+    return legend(ERRORS, ticks, "scene.error", greatest <= limit ? {} : { beyond: "scene.beyond" });
   }
 
   dispose(): void {

@@ -38,8 +38,13 @@ const VIRIDIS: readonly [number, number, number][] = [
 
 export const ERRORS: Ramp = ramp(...VIRIDIS);
 
-/** Grey for no thickness yet. */
-export const COAT: Ramp = ramp([150, 156, 162], ...VIRIDIS);
+export const COAT: Ramp = ERRORS;
+
+/** Grey for no coat yet. */
+export const BARE: readonly [number, number, number] = [150, 156, 162];
+
+/** Pale blue for less than the scale's lower end. */
+export const UNDER: readonly [number, number, number] = [166, 206, 240];
 
 /** The colours of a ramp converted from sRGB to linear light, as the renderer expects them. */
 export function linear(colours: ArrayLike<number>): Ramp {
@@ -54,8 +59,13 @@ export function placeOf(value: number, most: number): number {
   return 3 * Math.round(Math.min(Math.max(most > 0 ? value / most : 0, 0), 1) * (STEPS - 1));
 }
 
-/** A labelled colour scale; `title` and `note` are text keys; an open scale also covers values beyond its end. */
-export function legend(colours: Ramp, most: number, title: string, { note = "", open = false }): HTMLElement {
+/** A value as short as its size allows. */
+export function inDigits(value: number): string {
+  return value.toFixed(value === 0 || value >= 100 ? 0 : value >= 10 ? 1 : value >= 0.5 ? 2 : 4);
+}
+
+/** A labelled colour scale; `title` is a text key, and so are `notes`, by the class of the colour they name. */
+export function legend(colours: Ramp, ticks: string[], title: string, notes: Record<string, string>): HTMLElement {
   const bar = h("canvas", { width: STEPS, height: 1, "aria-hidden": "true" });
   const context = bar.getContext("2d");
   if (context) {
@@ -65,10 +75,7 @@ export function legend(colours: Ramp, most: number, title: string, { note = "", 
     }
     context.putImageData(image, 0, 0);
   }
-  const digits = most >= 100 ? 0 : most >= 10 ? 1 : most >= 1 ? 2 : 4;
-  const numbers = [0, 0.5, 1].map((share) => (share * most).toFixed(share ? digits : 0));
-  const ticks = numbers.map((number, place) => h("span", {}, open && place === 2 ? `≥ ${number}` : number));
-  const children = [h("span", { t: title }), bar, h("div", { class: "ticks" }, ...ticks)];
-  if (note) children.push(h("span", { class: "beyond", t: note }));
+  const children = [h("span", { t: title }), bar, h("div", { class: "ticks" }, ...ticks.map((tick) => h("span", {}, tick)))];
+  for (const [name, note] of Object.entries(notes)) children.push(h("span", { class: name, t: note }));
   return h("div", { class: "scene-legend", testid: "legend" }, ...children);
 }

@@ -15,6 +15,8 @@ const ZOOM = 0.8;
 // Sine of the view's elevation above which the head hides the work.
 const STEEP = 0.8;
 
+const NAMES = { tLabel: "scene.machine", tTitle: "scene.hands" };
+
 /** The machine in 3D with its work so far. */
 export const createScene: CreatePanel<ScenePanel> = (root, clock, t, selection) => {
   root.classList.add("scene");
@@ -25,11 +27,13 @@ export const createScene: CreatePanel<ScenePanel> = (root, clock, t, selection) 
 };
 
 class ScenePicture implements ScenePanel {
-  private readonly canvas = h("canvas", { testid: "scene", tabindex: 0, role: "img", tLabel: "scene.machine" });
+  private readonly canvas = h("canvas", { testid: "scene", tabindex: 0, role: "img", ...NAMES });
   private readonly label = h("div", { class: "scene-label", hidden: true });
   private readonly message = h("p", { class: "scene-message", testid: "scene-message", role: "status", hidden: true });
   private readonly legends = h("div", { class: "scene-legends" });
   private readonly followed = button("follow", "scene.follow", "scene.follow.title", () => this.follow());
+  private readonly bare = button("hide-machine", "scene.bare-work", "scene.bare-work.title", () => this.reveal(this.bare));
+  private readonly plain = button("hide-passes", "scene.no-lines", "scene.no-lines.title", () => this.reveal(this.plain));
   private readonly colouring = h(
     "select",
     { testid: "tape-colour", tTitle: "scene.colour", tLabel: "scene.colour", onchange: () => this.colour() },
@@ -62,9 +66,12 @@ class ScenePicture implements ScenePanel {
       button("view-fit", "scene.fit", "scene.fit.title", () => this.look(null, true)),
       button("view-machine", "scene.whole", "scene.whole.title", () => this.look(null, false)),
       this.followed,
+      this.bare,
+      this.plain,
       this.colouring,
     );
-    this.followed.setAttribute("aria-pressed", "false");
+    for (const switched of [this.followed, this.bare, this.plain]) switched.setAttribute("aria-pressed", "false");
+    this.plain.hidden = true;
     this.colouring.hidden = true;
     root.append(this.canvas, tools, this.legends, this.label, this.message);
     this.view = new View(
@@ -134,6 +141,8 @@ class ScenePicture implements ScenePanel {
     this.view.scene.add(stage.object);
     stage.select(this.selection.course);
     this.colouring.hidden = !stage.measured;
+    this.plain.hidden = !stage.lined;
+    this.reveal();
     this.colour();
     this.look("iso", !stage.work.isEmpty());
   }
@@ -172,6 +181,13 @@ class ScenePicture implements ScenePanel {
     this.view.draw();
   }
 
+  /** Shows what is not hidden, after a press of a button that hides. */
+  private reveal(pressed?: HTMLButtonElement): void {
+    if (pressed) pressed.ariaPressed = String(pressed.ariaPressed !== "true");
+    this.stage?.reveal(this.bare.ariaPressed !== "true", this.plain.ariaPressed !== "true");
+    this.view.draw();
+  }
+
   private colour(): void {
     const scale = this.stage?.colour(this.colouring.value as Colouring);
     this.legends.replaceChildren(...(scale ? [scale] : []));
@@ -183,7 +199,7 @@ class ScenePicture implements ScenePanel {
     this.pointer.set((2 * (event.clientX - left)) / width - 1, 1 - (2 * (event.clientY - top)) / height);
     this.raycaster.setFromCamera(this.pointer, this.view.camera);
     // Lines are hit within a few pixels.
-    this.raycaster.params.Line.threshold = 0.006 * this.view.camera.position.distanceTo(this.view.controls.target);
+    this.raycaster.params.Line.threshold = 0.01 * this.view.height;
     return this.stage?.hit(this.raycaster) ?? 0;
   }
 
@@ -224,9 +240,7 @@ class ScenePicture implements ScenePanel {
     const factor = { "+": ZOOM, "=": ZOOM, "-": 1 / ZOOM }[event.key];
     if (!factor) return;
     event.preventDefault();
-    const { target } = this.view.controls;
-    this.view.camera.position.sub(target).multiplyScalar(factor).add(target);
-    this.view.draw();
+    this.view.zoom(factor);
   }
 
   private say(text: string): void {

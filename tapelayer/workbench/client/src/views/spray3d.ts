@@ -14,25 +14,28 @@ import {
   MeshLambertMaterial,
 } from "three";
 import type { Raycaster } from "three";
-import { COAT, linear, placeOf } from "./legend";
+import { BARE, BEYOND, COAT, linear, placeOf, UNDER } from "./legend";
 import type { Machine3D } from "./machine3d";
 import { lowerBound, type Motion } from "./motion";
 import type { Table } from "../data/types";
 
 const MM = 1e-3;
-// The colour scale ends at this quantile of the thickness, so that a few thick spots do not pale the rest.
-const MOST = 0.99;
+// The colour scale goes from the mean of the finished coat less this share to the mean and this share.
+const SPAN = 0.2;
+// Less than this share of the mean is the far edge of a spot rather than a coat.
+const TRACE = 0.01;
 // Samples this many times farther apart than usual are separated by a hole or a step.
 const FARTHEST = 3;
 const SHADES = linear(COAT);
+const [NONE, LITTLE, MUCH] = [linear(BARE), linear(UNDER), linear(BEYOND)];
 
 /** The growing coat on the part. Metres, in the machine's axes. */
 export class Coat {
   readonly object: Mesh<BufferGeometry>;
-  /** Thickness at which the colour scale ends, in the table's unit. */
-  readonly most: number;
-  /** Whether the coat is thicker than that somewhere. */
-  readonly thicker: boolean;
+  /** Mean thickness of the finished coat, in the table's unit; the colour scale goes from `low` to `high`. */
+  readonly mean: number;
+  readonly low: number;
+  readonly high: number;
   private readonly colours: BufferAttribute;
   private shown = Number.NaN;
 
@@ -51,9 +54,10 @@ export class Coat {
     });
     this.object = new Mesh(geometry, material);
     this.object.frustumCulled = false;
-    const final = Float32Array.from({ length: table.rows }, (_, row) => this.at(row, table.times.length - 1)).sort();
-    this.most = final[Math.floor(MOST * (table.rows - 1))]!;
-    this.thicker = final.at(-1)! > this.most;
+    let sum = 0;
+    for (let row = 0; row < table.rows; row++) sum += this.at(row, table.times.length - 1);
+    this.mean = sum / table.rows;
+    [this.low, this.high] = [(1 - SPAN) * this.mean, (1 + SPAN) * this.mean];
   }
 
   get unit(): string {
@@ -72,10 +76,8 @@ export class Coat {
     const colours = this.colours.array;
     for (let row = 0; row < rows; row++) {
       const begin = this.at(row, before);
-      const place = placeOf(begin + (this.at(row, next) - begin) * share, this.most);
-      colours[3 * row] = SHADES[place]!;
-      colours[3 * row + 1] = SHADES[place + 1]!;
-      colours[3 * row + 2] = SHADES[place + 2]!;
+      const [shades, place] = this.shade(begin + (this.at(row, next) - begin) * share);
+      for (let part = 0; part < 3; part++) colours[3 * row + part] = shades[place + part]!;
     }
     this.colours.needsUpdate = true;
   }
@@ -83,6 +85,14 @@ export class Coat {
   dispose(): void {
     this.object.geometry.dispose();
     (this.object.material as MeshLambertMaterial).dispose();
+  }
+
+  /** Colours that a thickness has its own among, and where. */
+  private shade(thickness: number): [Uint8Array, number] {
+    if (!(thickness > TRACE * this.mean)) return [NONE, 0];
+    if (thickness < this.low) return [LITTLE, 0];
+    if (thickness > this.high) return [MUCH, 0];
+    return [SHADES, placeOf(thickness - this.low, this.high - this.low)];
   }
 
   /** Thickness of a sample at a moment. */

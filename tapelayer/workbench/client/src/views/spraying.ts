@@ -1,7 +1,7 @@
 import { Box3, Group, type Mesh } from "three";
 import type { Raycaster } from "three";
 import type { Made, Table } from "../data/types";
-import { COAT, legend } from "./legend";
+import { COAT, inDigits, legend } from "./legend";
 import type { Machine3D } from "./machine3d";
 import type { Motion } from "./motion";
 import { Coat, Passes, sprayCone } from "./spray3d";
@@ -12,6 +12,7 @@ export class Spraying implements Work {
   readonly object = new Group();
   readonly box = new Box3();
   readonly measured = false;
+  readonly lines: Group;
   private readonly part: ReturnType<typeof partOf>;
   private readonly passes: Passes;
   private readonly coat: Coat | null;
@@ -32,7 +33,8 @@ export class Spraying implements Work {
     const standoff = Number(made.report["standoff_mm"]) * MM;
     machine.set("standoff", standoff);
     this.passes = new Passes(machine, motion);
-    this.object.add(this.passes.object);
+    this.lines = this.passes.object;
+    this.object.add(this.lines);
     const working = machine.frame("P");
     const spot = numberOf(made.setup, "spray", "spot_mm", 0) * MM;
     if (working && spot > 0) {
@@ -63,8 +65,10 @@ export class Spraying implements Work {
 
   colour(): HTMLElement | null {
     if (!this.coat) return null;
-    const { most, thicker, unit } = this.coat;
-    return legend(COAT, most, `scene.thickness.${unit}`, { open: thicker });
+    const { low, mean, high, unit } = this.coat;
+    const ticks = [`${inDigits(low)}\n−20 %`, inDigits(mean), `${inDigits(high)}\n+20 %`];
+    const notes = { bare: "scene.bare", under: "scene.under", beyond: "scene.over" };
+    return legend(COAT, ticks, `scene.thickness.${unit}`, notes);
   }
 
   dispose(): void {

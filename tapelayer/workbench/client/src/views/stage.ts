@@ -60,6 +60,17 @@ export class Stage {
     return this.made3d?.hit(raycaster) ?? 0;
   }
 
+  /** Whether there are lines of passes. */
+  get lined(): boolean {
+    return Boolean(this.made3d?.lines);
+  }
+
+  /** Shows or hides the machine with its head, and the lines of the passes. */
+  reveal(machine: boolean, lines: boolean): void {
+    this.machine.robot.visible = machine;
+    if (this.made3d?.lines) this.made3d.lines.visible = lines;
+  }
+
   /** Whether the work can be coloured by its errors. */
   get measured(): boolean {
     return this.made3d?.measured ?? false;

@@ -1,13 +1,29 @@
-import { Box3, DirectionalLight, HemisphereLight, PerspectiveCamera, Scene, Sphere, Vector3, WebGLRenderer } from "three";
+import {
+  Box3,
+  DirectionalLight,
+  HemisphereLight,
+  OrthographicCamera,
+  PerspectiveCamera,
+  Scene,
+  Sphere,
+  Vector3,
+  WebGLRenderer,
+} from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 
 export const DIRECTIONS = {
   iso: new Vector3(0.8, -1, 0.85),
-  top: new Vector3(0, -0.001, 1),
-  front: new Vector3(0, -1, 0.12),
-  side: new Vector3(1, 0, 0.12),
+  // The little keeps y upwards, and is far below a pixel.
+  top: new Vector3(0, -1e-5, 1),
+  front: new Vector3(0, -1, 0),
+  side: new Vector3(1, 0, 0),
 } as const;
 export type Direction = keyof typeof DIRECTIONS;
+
+// Larger than any machine, metres: elevations look from half of it before the target to half of it behind.
+const DEEP = 50;
+// An elevation that leaves its direction by more, radians, is one no longer.
+const TURNED = 1e-3;
 
 // Software renderers are slow per pixel, so the frame rate and the number of pixels are capped.
 const FRAME_MS = 1000 / 30;
@@ -22,10 +38,17 @@ export function drawable(): boolean {
   return document.createElement("canvas").getContext("webgl2") !== null;
 }
 
-/** A camera and its scene, redrawn only after a change. Metres, z up. */
+/**
+ * A camera and its scene, redrawn only after a change. Metres, z up.
+ *
+ * Top, front and side are elevations, parallel and level, until the view is turned; then it is in perspective.
+ */
 export class View {
   readonly scene = new Scene();
-  readonly camera = new PerspectiveCamera(35, 1, 0.02, 100);
+  private readonly free = new PerspectiveCamera(35, 1, 0.02, 100);
+  private readonly level = new OrthographicCamera(-1, 1, 1, -1, 0, DEEP);
+  private readonly sun = new DirectionalLight(0xffffff, 1.9);
+  private way: Vector3 | null = null;
   readonly controls: OrbitControls;
   private readonly renderer: WebGLRenderer;
   private readonly observer: ResizeObserver;
@@ -50,14 +73,16 @@ export class View {
     private readonly busy: () => boolean,
   ) {
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "low-power" });
-    this.camera.up.set(0, 0, 1);
-    this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.addEventListener("change", () => this.draw());
+    for (const camera of [this.free, this.level]) camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.free, canvas);
+    this.controls.addEventListener("change", () => {
+      this.leaveElevation();
+      this.draw();
+    });
     this.controls.zoomToCursor = true;
-    const sun = new DirectionalLight(0xffffff, 1.9);
-    sun.position.set(-0.4, 0.8, 1);
-    this.camera.add(sun);
-    this.scene.add(this.camera, new HemisphereLight(0xffffff, 0x8a94a0, 1.6));
+    this.sun.position.set(-0.4, 0.8, 1);
+    this.free.add(this.sun);
+    this.scene.add(this.free, this.level, new HemisphereLight(0xffffff, 0x8a94a0, 1.6));
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
       this.lost = true;
@@ -77,16 +102,49 @@ export class View {
     if (!this.frame) this.frame = requestAnimationFrame(this.tick);
   }
 
+  /** The camera in use: parallel for elevations, else in perspective. */
+  get camera(): PerspectiveCamera | OrthographicCamera {
+    return this.way ? this.level : this.free;
+  }
+
+  /** Metres in view from the bottom to the top, at the target. */
+  get height(): number {
+    if (this.way) return (this.level.top - this.level.bottom) / this.level.zoom;
+    return 2 * this.free.position.distanceTo(this.controls.target) * Math.tan((this.free.fov * Math.PI) / 360);
+  }
+
   /** Fits a box into the view. */
   look(direction: Direction | null, box: Box3): void {
     if (box.isEmpty()) return;
     box.getBoundingSphere(this.sphere);
     const way = direction ? DIRECTIONS[direction].clone() : this.camera.position.clone().sub(this.controls.target);
-    const narrow = Math.min(1, this.camera.aspect || 1);
-    const distance = (1.05 * this.sphere.radius) / (Math.sin((this.camera.fov * Math.PI) / 360) * narrow);
+    way.normalize();
+    const elevation = direction ? direction !== "iso" : this.way !== null;
+    const narrow = Math.min(1, this.free.aspect || 1);
+    const radius = Math.max(1.05 * this.sphere.radius, 0.03);
+    const distance = elevation ? DEEP / 2 : radius / (Math.sin((this.free.fov * Math.PI) / 360) * narrow);
+    this.way = null;
+    const camera = elevation ? this.level : this.free;
+    this.controls.object = camera;
     this.controls.target.copy(this.sphere.center);
-    this.camera.position.copy(this.sphere.center).addScaledVector(way.normalize(), Math.max(distance, 0.1));
+    camera.position.copy(this.sphere.center).addScaledVector(way, distance);
+    if (elevation) {
+      this.level.zoom = 1;
+      this.frameLevel(radius / narrow);
+    }
+    camera.add(this.sun);
     this.controls.update();
+    this.way = elevation ? way : null;
+    this.draw();
+  }
+
+  /** Zooms by a factor; below 1 is nearer. */
+  zoom(factor: number): void {
+    const { target } = this.controls;
+    if (this.way) {
+      this.level.zoom /= factor;
+      this.level.updateProjectionMatrix();
+    } else this.free.position.sub(target).multiplyScalar(factor).add(target);
     this.draw();
   }
 
@@ -132,15 +190,37 @@ export class View {
     this.resize(width, height, ratio);
     this.renderer.render(this.scene, this.camera);
     this.frames += 1;
+    this.canvas.dataset["projection"] = this.way ? "parallel" : "perspective";
     this.canvas.dataset["frames"] = String(this.frames);
     this.canvas.dataset["drawMs"] = (performance.now() - began).toFixed(1);
+  }
+
+  private frameLevel(half: number): void {
+    const { level } = this;
+    [level.top, level.bottom] = [half, -half];
+    [level.right, level.left] = [half * this.free.aspect, -half * this.free.aspect];
+    level.updateProjectionMatrix();
+  }
+
+  /** Goes over to perspective where an elevation is turned; what is at the target keeps its size. */
+  private leaveElevation(): void {
+    const { free, level, way } = this;
+    const { target } = this.controls;
+    if (!way || level.position.clone().sub(target).normalize().distanceTo(way) < TURNED) return;
+    const distance = this.height / 2 / Math.tan((free.fov * Math.PI) / 360);
+    this.way = null;
+    free.position.subVectors(level.position, target).setLength(distance).add(target);
+    this.controls.object = free;
+    free.add(this.sun);
+    this.controls.update();
   }
 
   private resize(width: number, height: number, ratio: number): void {
     const [columns, rows] = [Math.floor(width * ratio), Math.floor(height * ratio)];
     if (this.canvas.width === columns && this.canvas.height === rows) return;
     this.renderer.setDrawingBufferSize(width, height, ratio);
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
+    this.free.aspect = width / height;
+    this.free.updateProjectionMatrix();
+    this.frameLevel(this.level.top);
   }
 }

@@ -14,6 +14,8 @@ export type Colouring = "course" | "error";
 export interface Work {
   readonly object: Object3D;
   readonly box: Box3;
+  /** Lines of the passes over the work; null for none. */
+  readonly lines: Object3D | null;
   /** Whether it can be coloured by its errors. */
   readonly measured: boolean;
   /** Shows it at a time of the program, moving towards a row; coarser during motion. */
