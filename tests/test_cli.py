@@ -279,5 +279,5 @@ def test_an_interrupt_at_any_moment_leaves_nothing(tmp_path: Path, seconds: floa
         started.send_signal(signal.SIGINT)
         _, said = started.communicate(timeout=60)
     assert said == ""
-    assert started.returncode in (0, 130)
+    assert started.returncode in (0, 130, -signal.SIGINT)
     assert names(tmp_path) == (set() if started.returncode else {"flat_panel_00.nc"})

@@ -90,7 +90,7 @@ class Inspector(Judge[Evidence]):
         digits = self._digits(resolution)
         layings = layings_of(trajectory, self.setup)
         unknown = unknown_blocks(trajectory)
-        breaches = _first_motion(trajectory) or unknown
+        breaches = [*(_first_motion(trajectory) or unknown)]
         for switch in _switches(self.setup.head.delays_ms).values():
             breaches += [*unpaired(trajectory, switch), *interrupted(trajectory, switch, ("rapid", "stop"))]
         failures = [self._at_line(trajectory, breach) for breach in breaches]

@@ -118,7 +118,7 @@ def changed(line: Line, letter: str, value: float) -> str:
 
 
 def motions(lines: Sequence[Line]) -> list[Line]:
-    return [line for line in lines if line.moved and line.index > 10]
+    return [line for line in lines if line.moved and line.index > 12]
 
 
 def does_something(lines: Sequence[Line], line: Line, letter: str) -> bool:

@@ -59,6 +59,8 @@ KEYS = {
     "taken_back_mm": 3.0,
     "least_link_clearance_mm": 48.0,
     "max_forward_disagreement_m": 2e-16,
+    "speed_share": 1.0,
+    "slowest_laying": {"course": 3, "arc_length_mm": 0.0, "speed_mm_per_s": 250.0},
     "time_shares": {"laying": 75.0, "threading": 18.75, "linking": 6.25},
     "program_sha256": SHA256,
     "tape": [],
@@ -111,7 +113,7 @@ def test_nothing_measured_is_neither_nought_nor_passed() -> None:
     numbers = numbers_of(evidence(samples=nothing))
     of_others = ("max_forward_disagreement_m", "max_cut_error_mm", "max_blade_error_deg")
     lost = {key for key in KEYS if key.startswith("max_") and key not in of_others}
-    assert {key for key, value in numbers.items() if value is None} == lost
+    assert {key for key, value in numbers.items() if value is None} == lost | {"speed_share", "slowest_laying"}
     assert not numbers["passed"]
     assert {failure["what"] for failure in numbers["failures"]} == {key.removeprefix("max_") for key in lost}
     assert all(failure["value"] is None for failure in numbers["failures"])
