@@ -20,14 +20,14 @@ Measured = TypeVar("Measured")
 
 
 class Group(Enum):
-    """Group of a quantity in tables: a fact about the program, or a deviation from its source."""
+    """Where a quantity stands in tables: what the program is, or how well it keeps to what was asked."""
 
     FACT = "fact"
     ERROR = "error"
 
 
 class Style(Enum):
-    """Format of a quantity."""
+    """How a quantity is written."""
 
     COUNT = "count"
     FIXED = "fixed"
