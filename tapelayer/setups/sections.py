@@ -139,6 +139,9 @@ class JobSetup(Section):
             True
         """
         values = self.model_dump()
+        # A limit that is not set judges nothing: it does not enter, so that a new one leaves the hash of old setups.
+        limits = values.get("verification", {})
+        values["verification"] = {key: limit for key, limit in limits.items() if limit is not None}
         for (section, key), data in files.items():
             values[section][key] = hashlib.sha256(data).hexdigest()
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
