@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -28,7 +27,7 @@ from tapelayer.jobs.kind import JobKind
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, name_of_source
 from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
-from tapelayer.provenance import sealed, unedited
+from tapelayer.provenance import unedited
 from tapelayer.reporting.summary import explained
 from tapelayer.setups.sections import default_text, read_setup
 from tapelayer.units import DEG, MM
@@ -183,8 +182,7 @@ def spray(
         steps.begin("saving")
         contents = {} if to_stdout else {program: result.text}
         if trajectory_file:
-            poses = result.files()["trajectory.txt"]
-            contents[Path(trajectory_file)] = sealed(poses, poses.index(b"\n") + 1, "# text sha256: ")
+            contents[Path(trajectory_file)] = result.files()["trajectory.txt"]
         _save(result, contents, Path(model).name if to_stdout else program.name, report_file, html_file)
     _hand_over(result, program, to_stdout, quiet)
 
@@ -348,11 +346,9 @@ def _save(
 ) -> None:
     """Write these files and the requested reports together."""
     if report_file:
-        report = json.dumps(result.report(), indent=2, allow_nan=False).removesuffix("\n}").encode() + b",\n}\n"
-        contents[Path(report_file)] = sealed(report, len(report) - len("}\n"), '  "text_sha256": "', '"')
+        contents[Path(report_file)] = result.report_file()
     if html_file:
-        page = result.page(title).encode()
-        contents[Path(html_file)] = sealed(page, len(page), "<!-- text sha256: ", " -->")
+        contents[Path(html_file)] = result.page_file(title)
     write_files(contents)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ from tapelayer.machines.machine import Machine
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
-from tapelayer.provenance import Provenance
+from tapelayer.provenance import Provenance, sealed
 from tapelayer.setups.sections import JobSetup
 from tapelayer.verification.failures import Findings
 from tapelayer.verification.inspection import Judge
@@ -63,6 +64,16 @@ class JobResult(ABC, Generic[Evidence]):
     @abstractmethod
     def page(self, title: str) -> str:
         """Return the report as one HTML page with plots, titled with the program's name."""
+
+    def report_file(self) -> bytes:
+        """Return the report as the bytes of a JSON file, with the hash of its own text as the last key."""
+        text = json.dumps(self.report(), indent=2, allow_nan=False).removesuffix("\n}").encode() + b",\n}\n"
+        return sealed(text, len(text) - len("}\n"), '  "text_sha256": "', '"')
+
+    def page_file(self, title: str) -> bytes:
+        """Return the report as the bytes of an HTML file, with the hash of its own text as the last comment."""
+        text = self.page(title).encode()
+        return sealed(text, len(text), "<!-- text sha256: ", " -->")
 
     def notes(self) -> tuple[str, ...]:
         """Return sentences to print beside the report's table."""

@@ -20,7 +20,7 @@ from tapelayer.jobs.stages import COATING, PLANNING, SLICING
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import Steps
-from tapelayer.provenance import VERSION, Provenance
+from tapelayer.provenance import VERSION, Provenance, sealed
 from tapelayer.reporting.not_judged import english
 from tapelayer.reporting.quantity import numbers
 from tapelayer.reporting.summary import summary
@@ -234,8 +234,9 @@ class SprayResult(JobResult[SprayEvidence]):
         return page.html(self.judged, self.trajectory, self.report(), self.job.setup, title)
 
     def files(self) -> dict[str, bytes]:
-        """Return the gun's poses."""
-        return {"trajectory.txt": self.poses()}
+        """Return the gun's poses, with the hash of their own text in the second line."""
+        poses = self.poses()
+        return {"trajectory.txt": sealed(poses, poses.index(b"\n") + 1, "# text sha256: ")}
 
     def poses(self) -> bytes:
         """Return the gun's poses in the part's frame, as a text file."""

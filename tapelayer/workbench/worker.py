@@ -101,10 +101,7 @@ def carry_out(folder: Path, say: Say) -> dict[str, Any]:
         result = job.make(name, stages)
     stages.begin(SAVING.name)
     report = result.report()
-    contents = {
-        "report.json": (json.dumps(report, indent=2, allow_nan=False) + "\n").encode(),
-        "report.html": result.page(name).encode(),
-    }
+    contents = {"report.json": result.report_file(), "report.html": result.page_file(name)}
     if not verifying:
         drawn = scene.files(kind.scene(result, on), result.trajectory, job.machine)
         contents |= drawn | _results(folder, job, result)
