@@ -290,6 +290,11 @@ def test_a_client_without_cookies_keeps_its_key(workbench: Workbench) -> None:
             assert other.delete(f"/api/v1/jobs/{job['id']}").status_code == 204
 
 
+def without_hash(report: dict[str, Any]) -> dict[str, Any]:
+    """The report without the hash of its file's text, which an answer over HTTP is not."""
+    return {key: value for key, value in report.items() if key != "text_sha256"}
+
+
 def test_a_program_is_judged(client: Client, laid: dict[str, Any]) -> None:
     program = client.result(laid["id"], "program").text
     report = client.result(laid["id"], "report.json").json()
@@ -298,7 +303,7 @@ def test_a_program_is_judged(client: Client, laid: dict[str, Any]) -> None:
         files = {"program": ("panel.nc", text.encode()), "file": ("panel.txt", source)}
         return client.post("/api/v1/verify", files=files, data={"kind": "lay", **fields})
 
-    assert judged(program).json() == report | {"remarks": []}
+    assert judged(program).json() == without_hash(report) | {"remarks": []}
     lines = program.splitlines()
     down = next(number for number, line in enumerate(lines) if " M20" in line)
     at = next(number for number in range(down, len(lines)) if " Y" in lines[number])
@@ -322,7 +327,7 @@ def test_a_spraying_program_is_judged(client: Client, sprayed: dict[str, Any], w
     files = {"program": ("a.nc", client.result(sprayed["id"], "program").content), "file": ("wave.stl", wave)}
     setup = client.result(sprayed["id"], "setup").text
     answer = client.post("/api/v1/verify", files=files, data={"kind": "spray", "setup": setup})
-    assert answer.json() == client.result(sprayed["id"], "report.json").json() | {"remarks": []}
+    assert answer.json() == without_hash(client.result(sprayed["id"], "report.json").json()) | {"remarks": []}
 
 
 LAUGHS = b'<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]><robot name="&b;"/>'

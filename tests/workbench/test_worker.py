@@ -87,7 +87,7 @@ def test_a_lay_job_is_the_librarys_with_tables_of_it(tmp_path: Path) -> None:
     told = Job.of(COURSES.read_bytes(), "铺层.txt", parse_setup(setup.encode(), "setup.toml", Setup)).make("铺层.nc")
     out = made(folder)
     assert out["program.nc"] == told.text
-    assert json.loads(out["report.json"]) == told.report()
+    assert out["report.json"] == told.report_file()
     assert out["report.html"].decode() == told.page("铺层.nc")
     assert out["setup.toml"].decode() == setup
     assert out["machine.urdf"] == told.job.machine.path.read_bytes()
@@ -126,8 +126,8 @@ def test_a_spray_job_is_the_librarys(tmp_path: Path, plate: bytes) -> None:
     told = job.make("plate.nc")
     out = made(folder)
     assert out["program.nc"] == told.text
-    assert out["trajectory.txt"] == told.poses()
-    assert json.loads(out["report.json"]) == told.report()
+    assert out["trajectory.txt"] == told.files()["trajectory.txt"]
+    assert out["report.json"] == told.report_file()
     assert {f"{name}.f32" for name in (*TABLES, "part", "coat")} <= set(out)
     assert rising(lines[:-1]) == [stage.name for stage in kind_of("spray").making]
     assert lines[-1]["state"] == "done"
