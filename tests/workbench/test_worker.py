@@ -88,7 +88,7 @@ def test_a_lay_job_is_the_librarys_with_tables_of_it(tmp_path: Path) -> None:
     out = made(folder)
     assert out["program.nc"] == told.text
     assert out["report.json"] == told.report_file()
-    assert out["report.html"].decode() == told.page("铺层.nc")
+    assert out["report.html"] == told.page_file("铺层.nc")
     assert out["setup.toml"].decode() == setup
     assert out["machine.urdf"] == told.job.machine.path.read_bytes()
     tables = {f"{name}.{end}" for name in (*TABLES, "tape") for end in ("f32", "json")}
