@@ -13,6 +13,8 @@ from tapelayer.verification.switching import HELD, Switch, held
 
 # On tight curves the tape is slower than the set speed of what moves fastest: longer by this share is no creeping.
 SLOWER = 0.25
+# Seconds that a stretch may take on top, for the rounding of its times and for knives that stop the tape for a moment.
+MOMENTS = 0.05
 
 
 def heated_too_long(

@@ -11,10 +11,10 @@ from tapelayer.courses.course import Course
 from tapelayer.laying.course_splines import CourseSpline, CourseSplines
 from tapelayer.laying.cut_check import judge_cuts
 from tapelayer.laying.evidence import Evidence, Samples, TapeLedger
-from tapelayer.laying.heat_check import heated_too_long
+from tapelayer.laying.heat_check import MOMENTS, heated_too_long
 from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.limits import limits_of
-from tapelayer.laying.link_check import HEATER_TIME, judge_sequence
+from tapelayer.laying.link_check import judge_sequence
 from tapelayer.laying.placing import courses_in_machine
 from tapelayer.laying.sampling import LAID_SAMPLE_STEP, Laying, SamplePlaces, layings_of
 from tapelayer.laying.settings import DelaySettings, Setup
@@ -237,7 +237,7 @@ class Inspector(Judge[Evidence]):
         speeds = self._lay_speeds(samples, doubt)
         lay_speed = self.setup.process.lay_speed_mm_per_s * (1 + NIP_SPEED_MARGIN)
         judged.append(("lay_speed_mm_per_s", speeds / MM, lay_speed))
-        judged.append(("heater_time_s", heated, self.setup.head.heater_stop_s + HEATER_TIME))
+        judged.append(("heater_time_s", heated, self.setup.head.heater_stop_s + MOMENTS))
         worst = []
         for what, values, limit in judged:
             for row in _worst(samples.courses, values, limit).tolist():
