@@ -272,3 +272,17 @@ def test_the_documents_name_every_key(sprayed: Path) -> None:
     report = json.loads((sprayed / "a.json").read_text())
     rows = text[text.index("## The report") :]
     assert [key for key in report if f"`{key}`" not in rows] == []
+
+
+@pytest.mark.parametrize(
+    ("limit", "sentence"),
+    [("max_thickness_deviation_percent = 0.01", "cv_percent is "), ("min_speed_share = 1", "speed_share is ")],
+)
+def test_a_coat_or_speed_beyond_its_limit_withholds_the_program(tmp_path: Path, limit: str, sentence: str) -> None:
+    write_stl(tmp_path / "wave.stl", WAVE)
+    axes = "[machine]\nspeeds_deg_per_s = {phi = 5}\n"
+    (tmp_path / "s.toml").write_text(f"{axes}[verification]\n{limit}\n")
+    outputs = ("--report", "a.json", "--html", "a.html")
+    done = run("spray", "wave.stl", "--setup", "s.toml", *outputs, cwd=tmp_path, expect=1)
+    assert sentence in done.stderr and done.stdout == ""
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["s.toml", "wave.stl"]
