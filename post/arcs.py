@@ -232,7 +232,7 @@ def merged(trajectory: Trajectory, columns: list[Column], controller: Controller
         others=np.column_stack(
             [column.numbers / 10.0**column.axis.decimals for column in columns if column.joint not in ("x", "y", "z")]
         ),
-        times=np.concatenate([[0.0], np.cumsum(trajectory.durations)]),
+        times=np.concatenate([[0.0], np.cumsum(trajectory.requested)]),
         able=able,
         joined=joined,
         planes=planes,
@@ -244,8 +244,8 @@ def merged(trajectory: Trajectory, columns: list[Column], controller: Controller
     inside[runs.firsts] += 1
     inside[runs.lasts] -= 1
     kept = np.cumsum(inside)[:count] == 0
-    totals = np.concatenate([[0.0], np.cumsum(trajectory.durations)])
-    durations, kinds = trajectory.durations.copy(), trajectory.kinds.copy()
+    totals = np.concatenate([[0.0], np.cumsum(trajectory.requested)])
+    durations, kinds = trajectory.requested.copy(), trajectory.kinds.copy()
     durations[runs.lasts] = totals[runs.lasts + 1] - totals[runs.firsts]
     kinds[runs.lasts] = np.where(runs.clockwise, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)
     plane_of = np.zeros(count, np.uint8) if trajectory.planes is None else trajectory.planes.copy()
@@ -266,6 +266,7 @@ def merged(trajectory: Trajectory, columns: list[Column], controller: Controller
         lines=trajectory.lines[kept],
         centres=centres[kept],
         planes=plane_of[kept],
+        tolerances=trajectory.tolerances[kept],
     )
     circular = np.zeros(count, dtype=bool)
     circular[runs.lasts] = True

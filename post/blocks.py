@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,11 +19,11 @@ from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import InputFault, ProgramRefused
 from tapelayer.motion.trajectory import Kind
 
-# Meanings of G words, and their groups of which a block has one word each: action, distance, feed mode, plane.
+# Meanings of G words, and their groups of which a block has one word each: action, distance, feed mode, plane, corners.
 _RAPID, _LINEAR, _CLOCKWISE, _COUNTERCLOCKWISE, _DWELL, _SET = range(1, 7)
-_ABSOLUTE, _INCREMENTAL, _PER_MINUTE, _INVERSE_TIME, _XY, _ZX, _YZ, _NO_EFFECT = range(7, 15)
-_GROUPS = np.array([0, 1, 1, 1, 1, 1, 1, 2, 2, 3, 3, 4, 4, 4, 0], dtype=np.uint8)
-_ACTION, _DISTANCE, _FEED_MODE, _PLANE = 1, 2, 3, 4
+_ABSOLUTE, _INCREMENTAL, _PER_MINUTE, _INVERSE_TIME, _XY, _ZX, _YZ, _NO_EFFECT, _EXACT, _BLENDED = range(7, 17)
+_GROUPS = np.array([0, 1, 1, 1, 1, 1, 1, 2, 2, 3, 3, 4, 4, 4, 0, 5, 5], dtype=np.uint8)
+_ACTION, _DISTANCE, _FEED_MODE, _PLANE, _CORNERS = 1, 2, 3, 4, 5
 _MODES = (_RAPID, _LINEAR, _CLOCKWISE, _COUNTERCLOCKWISE)
 _KINDS = np.array([Kind.SWITCH, Kind.RAPID, Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE], dtype=np.uint8)
 _PLANES = {"xy": _XY, "zx": _ZX, "yz": _YZ}
@@ -47,6 +48,7 @@ class Blocks:
         sets: (lines,) whether axis words set the present position.
         planes: (n,) plane of circular blocks: 0 XY, 1 ZX, 2 YZ.
         offsets: centre of each circular block from its beginning along x, y, z: (n,) each, NaN where not written.
+        tolerances: (n,) metres by which the block's end may be rounded off, 0 where the control stops there exactly.
         axes: indices of the words of each axis address.
         letters: one byte for each axis address, as in the words.
     """
@@ -65,6 +67,7 @@ class Blocks:
     sets: Mask
     planes: NDArray[np.uint8]
     offsets: Sequence[Floats]
+    tolerances: Floats
     axes: Mapping[str, Ints]
     letters: Mapping[str, int]
 
@@ -97,6 +100,8 @@ def blocks_of(source: Source, words: Words, controller: Controller) -> Blocks:
     events, ends, axis_output = _switching(words, controller, arguments, used)
     used[codes.dwell_address] |= dwells
     used[controller.feed.address] |= ~dwells
+    if controller.time.tolerance_address:
+        used[controller.time.tolerance_address] |= groups[_CORNERS] == _BLENDED
     for letter in set(controller.arcs.offsets) & set(used):
         used[letter] |= circular
     _check_letters(words, controller, arguments, used, letters.values())
@@ -143,6 +148,7 @@ def blocks_of(source: Source, words: Words, controller: Controller) -> Blocks:
         sets=sets,
         planes=_held(plane, plane > 0, _XY)[rows] - np.uint8(_XY),
         offsets=offsets,
+        tolerances=_tolerances(words, controller, groups[_CORNERS], arguments)[rows],
         axes=axes,
         letters=letters,
     )
@@ -155,6 +161,7 @@ def _arguments(controller: Controller) -> list[str]:
     known_words += [axis.word for axis in controller.axes]
     with_argument = (re.fullmatch(r"[GM][\d.]+ ([A-Z])[\d.]+", word) for word in known_words)
     letters = {codes.dwell_address, controller.feed.address, *(match[1] for match in with_argument if match)}
+    letters |= {controller.time.tolerance_address} - {""}
     if controller.arcs.planes:
         letters |= set(controller.arcs.offsets)
     return sorted(letters)
@@ -206,6 +213,7 @@ def _preparatory(
     }
     if controller.arcs.planes:
         meanings |= {codes.clockwise: _CLOCKWISE, codes.counterclockwise: _COUNTERCLOCKWISE}
+    meanings |= {controller.time.exact: _EXACT, controller.time.blended: _BLENDED}
     meanings.pop("", None)
     meanings |= {word: _PLANES[plane] for plane, word in codes.planes.items()}
     meanings |= {word: _NO_EFFECT for word in codes.no_effect if re.fullmatch(r"G[\d.]+( [A-Z][\d.]+)?", word)}
@@ -230,6 +238,7 @@ def _preparatory(
         (_DISTANCE, "distance mode"),
         (_FEED_MODE, "feed mode"),
         (_PLANE, "plane"),
+        (_CORNERS, "exact stop or blending"),
     ):
         members = np.flatnonzero(_GROUPS[here] == group)
         words.once(g_words[members], what)
@@ -237,6 +246,26 @@ def _preparatory(
         by_line[words.lines[g_words[members]]] = here[members]
         groups[group] = by_line
     return groups
+
+
+def _tolerances(
+    words: Words, controller: Controller, corners: NDArray[np.uint8], arguments: Mapping[str, Floats]
+) -> Floats:
+    """Return the metres (lines,) by which the end of each line's block may be rounded off, 0 for an exact stop."""
+    timing = controller.time
+    blended = corners == _BLENDED
+    # Without its letter a blend has no bound, where the control has one at all.
+    unbounded = math.inf if timing.tolerance_address else timing.tolerance
+    stated = np.full(words.line_count, unbounded)
+    if letter := timing.tolerance_address:
+        given = blended & ~np.isnan(arguments[letter])
+        stated[given] = arguments[letter][given] / 1e3
+        for line in np.flatnonzero(given & ~(stated > 0.0)).tolist():
+            words.fault_in(line, ord(letter), "expected a tolerance above 0")
+    initial = unbounded if timing.initial == "blended" else 0.0
+    last = np.maximum.accumulate(np.where(corners > 0, np.arange(len(corners)), -1))
+    tolerances: Floats = np.where(last >= 0, np.where(blended, stated, 0.0)[last], initial)
+    return tolerances
 
 
 def _switching(

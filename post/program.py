@@ -156,8 +156,8 @@ def _times(trajectory: Trajectory, moves: _Moves, units: int) -> tuple[Floats, I
     """Return durations (n,) of straight blocks in seconds, dropped blocks' time added, and dwells (n,) in units."""
     waits = moves.wordless | (trajectory.kinds == Kind.DWELL)
     pauses = np.zeros(len(trajectory), dtype=np.int64)
-    pauses[waits] = rounded(trajectory.durations[waits] * units, 0)
-    durations = trajectory.durations
+    pauses[waits] = rounded(trajectory.requested[waits] * units, 0)
+    durations = trajectory.requested
     dropped = np.flatnonzero(moves.wordless & (durations < max(BRIEF, 0.5 / units)) & (durations > 0))
     if not len(dropped):
         return durations, pauses
@@ -253,7 +253,7 @@ def _layout(trajectory: Trajectory, moves: _Moves, pauses: Ints, units: int) -> 
     parts = [np.flatnonzero(apart), waits, np.flatnonzero(kept)]
     blocks = np.concatenate(parts)
     part = np.repeat([0, 1, 2], [len(rows) for rows in parts])
-    times = np.concatenate([np.zeros(len(parts[0]), np.int64), rounded(trajectory.durations[waits] * units, 0)])
+    times = np.concatenate([np.zeros(len(parts[0]), np.int64), rounded(trajectory.requested[waits] * units, 0)])
     times = np.concatenate([times, pauses[parts[2]]])
     order = np.lexsort((part, blocks))
     order = order[(part[order] != 1) | (times[order] > 0)]
@@ -312,25 +312,13 @@ def _rows(
     if controller.feed.modal:
         feeding = np.flatnonzero(feed > 0)
         feed[feeding[_same(epochs[feeding], feed[feeding], decimals[feeding])]] = 0
-    before: list[int] = []
-    inserted: list[int] = []
-
-    def insert(at: int, fixed: Sequence[str]) -> None:
-        before.extend([at] * len(fixed))
-        inserted.extend(text(words) for words in fixed)
-
-    comments = []
-    insert(0, controller.blocks.preamble)
-    if len(starts) == 0 or starts[0] > 0:
-        insert(0, controller.blocks.restated)
-    tape = next((column for column in columns if column.joint == TAPE), None)
-    for start in starts.tolist():
-        at = int(np.searchsorted(blocks, start))
-        comments.append(at + len(before))
-        insert(at, controller.blocks.restated)
-        if controller.u_reset == "course" and tape is not None and tape.written[:start].any():
-            insert(at, [f"{codes.set_position} {tape.axis.address}0"])
-    insert(len(blocks), controller.blocks.end[:1])
+    fixed = _fixed(trajectory, columns, layout, epochs, starts, controller)
+    before = np.array([at for at, _ in fixed], dtype=np.int64)
+    inserted = [text(words) for _, words in fixed]
+    # A course's comment stands before what is restated there, after what the program begins with.
+    rows = np.searchsorted(blocks, starts)
+    comments = rows + np.searchsorted(before, rows)
+    comments[rows == 0] += len(controller.blocks.preamble)
     return TextRows(
         layout=Layout(
             blocks=np.insert(blocks, before, -1),
@@ -342,8 +330,36 @@ def _rows(
         texts=tuple(f" {words}".encode("ascii") if words else b"" for words in texts),
         feeds=np.insert(feed, before, 0),
         feed_decimals=np.insert(decimals, before, 0),
-        comments=np.array(comments, dtype=np.int64),
+        comments=comments,
     )
+
+
+def _fixed(
+    trajectory: Trajectory,
+    columns: Sequence[Column],
+    layout: Layout,
+    epochs: Ints,
+    starts: Ints,
+    controller: Controller,
+) -> list[tuple[int, str]]:
+    """Return the fixed texts and the row before which each stands, in order."""
+    blocks = layout.blocks
+    fixed = [(0, words) for words in controller.blocks.preamble]
+    if len(starts) == 0 or starts[0] > 0:
+        fixed += [(0, words) for words in controller.blocks.restated]
+    tape = next((column for column in columns if column.joint == TAPE), None)
+    for start in starts.tolist():
+        at = int(np.searchsorted(blocks, start))
+        fixed += [(at, words) for words in controller.blocks.restated]
+        if controller.u_reset == "course" and tape is not None and tape.written[:start].any():
+            fixed.append((at, f"{controller.codes.set_position} {tape.axis.address}0"))
+    if controller.time.blends:
+        motions = np.flatnonzero(layout.plain)
+        blended = trajectory.tolerances[blocks[motions]] > 0.0
+        changes = np.flatnonzero(~_same(epochs[motions], blended))
+        fixed += [(int(motions[row]), controller.time.text(bool(blended[row]))) for row in changes.tolist()]
+    fixed += [(len(blocks), words) for words in controller.blocks.end[:1]]
+    return sorted(fixed, key=lambda row: row[0])
 
 
 def _level(event: Event, controller: Controller, levels: Mapping[Event, float]) -> str:

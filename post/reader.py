@@ -20,7 +20,7 @@ from post.motions import AxisPath, axis_path, circles_of, feeds_of, from_mm, len
 from post.scan import words_of
 from post.source import Comment, Source
 from tapelayer.arrays import Floats, Mask
-from tapelayer.motion.time_law import Limits, by_feed_word, rapids
+from tapelayer.motion.time_law import Limits, by_feed_word, rapids, timed
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 
 _HEADER = re.compile(r"(tapelayer|source sha256:|setup sha256:|source:|controller:) *(.*)")
@@ -55,8 +55,9 @@ class Program:
 def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limits: Limits, name: str) -> Program:
     """Read a program.
 
-    A control begins in absolute positions and feed per minute. A straight block takes the time given by the control's
-    feed rule; a rapid takes that of its slowest axis, ignoring axes not stated before. Courses come from the program's
+    A control begins in absolute positions and feed per minute. A straight block takes the time that the control's
+    feed rule asks for, a rapid that of its slowest axis, ignoring axes not stated before, and both what the control needs
+    by its rule and the axes' accelerations. Courses come from the program's
     own comments (`course 3`); without comments they are counted: a course begins with the first rapid between an end of
     laying (shoe up, arc off) and the next beginning (shoe down, arc on), or at that beginning without such a rapid.
 
@@ -64,7 +65,7 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
         text: bytes of the program.
         controller: the control's table.
         machine_axes: joints of the machine, the columns of the trajectory.
-        limits: of these joints, which set the time of rapids.
+        limits: of these joints.
         name: name of the file, for messages.
 
     Raises:
@@ -112,7 +113,9 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
         lines=(blocks.rows[rows] + 1).astype(np.int32),
         centres=circles.centres[rows] if circles.any else None,
         planes=blocks.planes[rows] if circles.any else None,
+        tolerances=blocks.tolerances[rows],
     )
+    trajectory = timed(trajectory, limits, controller.rule(machine_axes))
     header: dict[str, str] = {}
     for comment in source.comments:
         if match := _HEADER.match(comment.text):

@@ -10,6 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tapelayer.errors import ControllerRefused, InputFault
+from tapelayer.motion.corners import Corner, Rule
 from tapelayer.motion.trajectory import Event
 
 Joint = Annotated[str, Field(min_length=1)]
@@ -171,6 +172,64 @@ class ArcRule(_Table):
     tolerance_mm: Annotated[float, Field(gt=0, le=0.1)] = 0.005
 
 
+class Timing(_Table):
+    """How the control passes from block to block, and the words that choose it.
+
+    Attributes:
+        corner: `none`: every axis reaches its speed at once; `stop`: a full stop at every block's end; `linuxcnc`: its
+            trajectory planner; `look_ahead`: over any number of blocks, corners rounded within the tolerance.
+        exact: word for a full stop at the end of every block from here on.
+        blended: word for going on without stops from here on.
+        tolerance_address: letter that states how far corners may be rounded off, in mm; empty where the control's own
+            parameters do.
+        tolerance_mm: how far corners are rounded off: the value that is written, or that of the parameters.
+        initial: which of the two holds before either word.
+        switching: whether a switching word lets the motion go on, or stops it.
+        cycle_ms: servo period.
+        kink: share of an axis's acceleration that LinuxCNC spends on a corner that it passes without a stop.
+        drain_ms: time for a word that lets the control finish all motion first.
+    """
+
+    corner: Corner = "stop"
+    exact: Annotated[str, Field(pattern=r"^(G\d{1,3}(\.\d)?)?$")] = ""
+    blended: Annotated[str, Field(pattern=r"^(G\d{1,3}(\.\d)?)?$")] = ""
+    tolerance_address: Annotated[str, Field(pattern=r"^[A-Z]?$")] = ""
+    tolerance_mm: Annotated[float, Field(ge=0, le=10, strict=False)] = 0.0
+    initial: Literal["exact", "blended"] = "exact"
+    switching: Literal["on_the_fly", "stops"] = "stops"
+    cycle_ms: Annotated[float, Field(gt=0, le=100, strict=False)] = 1.0
+    kink: Annotated[float, Field(gt=0, lt=1, strict=False)] = 0.1
+    drain_ms: Annotated[float, Field(ge=0, le=1000, strict=False)] = 0.0
+
+    @property
+    def blends(self) -> bool:
+        """Whether the control can go from block to block without a stop."""
+        return self.corner in ("linuxcnc", "look_ahead")
+
+    @property
+    def tolerance(self) -> float:
+        """How far corners are rounded off, in metres, where blocks go on without stops."""
+        return self.tolerance_mm * 1e-3
+
+    def text(self, blended: bool) -> str:
+        """Return the words of a mode."""
+        if not blended:
+            return self.exact
+        stated = f" {self.tolerance_address}{self.tolerance_mm:g}" if self.tolerance_address else ""
+        return self.blended + stated
+
+    def faults(self) -> Iterator[str]:
+        """Yield what contradicts itself."""
+        if self.blends:
+            missing = [name for name in ("exact", "blended") if not getattr(self, name)]
+            if missing:
+                yield f"time: corner {self.corner} without {' and '.join(missing)}; give the words, or corner = stop"
+            if not self.tolerance_mm > 0:
+                yield f"time: corner {self.corner} without tolerance_mm above 0; give how far corners are rounded off"
+        elif self.exact or self.blended:
+            yield f"time: corner {self.corner} has no words for exact and blended; leave them out"
+
+
 class Controller(_Table):
     """A control, as its table describes it.
 
@@ -188,6 +247,7 @@ class Controller(_Table):
         events_at_rest: different words of those events, where no motion follows directly.
         levels: letters of the values that some events carry, such as the arc's current.
         arcs: circular blocks.
+        time: how the control passes from block to block; without it with a full stop at every block's end.
     """
 
     name: str
@@ -203,6 +263,7 @@ class Controller(_Table):
     events_at_rest: dict[EventName, EventWords] = {}
     levels: dict[EventName, Letter] = {}
     arcs: ArcRule
+    time: Timing = Timing()
 
     @model_validator(mode="after")
     def _lint(self) -> Self:
@@ -232,7 +293,9 @@ class Controller(_Table):
         addresses = {axis.address for axis in self.axes}
         for address in sorted({address for group in self.feed.path for address in group} - addresses):
             yield f"feed.path: {address} is not the address of an axis"
-        yield from self._repeated("codes", self.codes.words().items(), {})
+        yield from self.time.faults()
+        modes = {name: word for name in ("exact", "blended") if (word := getattr(self.time, name))}
+        yield from self._repeated("codes", (self.codes.words() | modes).items(), {})
         words = sorted({axis.word for axis in self.axes} - {""})
         if len({(axis.word, axis.alone) for axis in self.axes if axis.word}) > 1:
             yield f"axes: {' and '.join(words)} take axes; all such axes need one word and one value of alone"
@@ -279,7 +342,8 @@ class Controller(_Table):
     def _unknown_words(self, section: str, block: str) -> Iterator[str]:
         if block in self.codes.no_effect:
             return
-        known = {code(word) for word in self.codes.words().values()}
+        modes = [word for word in (self.time.exact, self.time.blended) if word]
+        known = {code(word) for word in [*self.codes.words().values(), *modes]}
         known |= {code(word) for word in self.codes.no_effect if re.fullmatch(r"G\d+(\.\d)?", word)}
         for word in block.split():
             if not re.fullmatch(r"G\d+(\.\d)?", word) or code(word) not in known:
@@ -307,6 +371,27 @@ class Controller(_Table):
         if faults:
             raise ControllerRefused(f"controller {self.name}", faults)
         return tuple(pairs)
+
+    def rule(self, joints: Sequence[str]) -> Rule:
+        """Return how this control turns the blocks of a machine's joints into motion.
+
+        Raises:
+            ControllerRefused: a joint has no address, or two share one.
+        """
+        pairs = self.addressed(joints)
+        columns = {axis.address: index for axis, index in pairs}
+        paths = [tuple(columns[address] for address in group if address in columns) for group in self.feed.path]
+        return Rule(
+            corner=self.time.corner,
+            paths=tuple(path for path in paths if path),
+            rotary=frozenset(index for axis, index in pairs if axis.unit == "deg"),
+            outputs=frozenset(index for axis, index in pairs if axis.word),
+            switching=self.time.switching,
+            cycle=self.time.cycle_ms * 1e-3,
+            kink=self.time.kink,
+            drain=self.time.drain_ms * 1e-3,
+            tolerance=self.time.tolerance if self.time.blends else 0.0,
+        )
 
     def resolution(self, joint: str) -> float:
         """Return the last written digit of a joint, in metres or radians.

@@ -250,11 +250,12 @@ class _Ticks:
 
 
 def machine_of(setup: JobSetup, urdf: Path) -> Machine:
-    """Return the setup's machine: its URDF, or the built-in one given, with the setup's travel and speeds.
+    """Return the setup's machine: its URDF, or the built-in one given, with the setup's limits.
 
     Raises:
         ModelRefused: the URDF cannot be used, or an axis in the setup is not the machine's.
     """
     settings = setup.machine
     path = urdf if settings.urdf is None else Path(settings.urdf)
-    return Machine.load(path).with_limits(settings.travel(), settings.speeds())
+    machine = Machine.load(path)
+    return machine.with_limits(settings.travel(), settings.speeds(), settings.accelerations(), settings.jerks())

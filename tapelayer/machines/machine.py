@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -47,6 +48,8 @@ class Axis:
         lower: lower end of travel, metres or radians; -inf for a continuous joint.
         upper: upper end of travel, metres or radians; inf for a continuous joint.
         speed: greatest speed, m/s or rad/s.
+        acceleration: greatest acceleration, m/s2 or rad/s2; inf where none is stated.
+        jerk: greatest jerk, m/s3 or rad/s3; inf where none is stated.
     """
 
     name: str
@@ -54,6 +57,8 @@ class Axis:
     lower: float
     upper: float
     speed: float
+    acceleration: float = np.inf
+    jerk: float = np.inf
 
 
 class _Joint(NamedTuple):
@@ -105,7 +110,7 @@ class Machine:
         path = TAPELAYER if urdf is None else Path(urdf)
         driven = _driven_joints(path)
         model = _pinocchio_model(path)
-        axes = tuple(_axis(path, model, name, kind) for name, kind in driven.items())
+        axes = tuple(_axis(path, model, name, kind, limit) for name, (kind, limit) in driven.items())
         column_of = {int(model.idx_qs[model.getJointId(axis.name)]): column for column, axis in enumerate(axes)}
         return Machine(path, axes, model, _joints(path, model, column_of), _frames(model))
 
@@ -122,7 +127,7 @@ class Machine:
 
         Examples:
             >>> Machine.load().axis("z")
-            Axis(name='z', revolute=False, lower=0.0, upper=0.8, speed=0.5)
+            Axis(name='z', revolute=False, lower=0.0, upper=0.8, speed=0.5, acceleration=2.0, jerk=inf)
         """
         return self.axes[self.column(name)]
 
@@ -140,11 +145,24 @@ class Machine:
             raise ModelRefused(f"{self.path}: no axis {name!r}; the axes are {', '.join(self.names)}")
         return self.names.index(name)
 
-    def with_limits(self, travel: Mapping[str, tuple[float, float]], speeds: Mapping[str, float]) -> Machine:
-        """Return this machine with other travel (lower, upper; metres, radians) and speeds (m/s, rad/s) by axis name.
+    def with_limits(
+        self,
+        travel: Mapping[str, tuple[float, float]],
+        speeds: Mapping[str, float],
+        accelerations: Mapping[str, float] = MappingProxyType({}),
+        jerks: Mapping[str, float] = MappingProxyType({}),
+    ) -> Machine:
+        """Return this machine with other limits by axis name, in metres, radians and seconds.
+
+        Args:
+            travel: (lower, upper) ends.
+            speeds: greatest speeds.
+            accelerations: greatest accelerations.
+            jerks: greatest jerks.
 
         Raises:
-            ModelRefused: the machine has no such axis, lower is not below upper, or a speed is not positive.
+            ModelRefused: the machine has no such axis, lower is not below upper, another limit is not positive, or an
+                axis has a jerk but no acceleration.
 
         Examples:
             >>> machine = Machine.load().with_limits({"x": (0.0, 2.5)}, {"c": 0.5})
@@ -155,9 +173,10 @@ class Machine:
         for name, (lower, upper) in travel.items():
             column = self.column(name)
             axes[column] = replace(axes[column], lower=float(lower), upper=float(upper))
-        for name, speed in speeds.items():
-            column = self.column(name)
-            axes[column] = replace(axes[column], speed=float(speed))
+        for attribute, limits in (("speed", speeds), ("acceleration", accelerations), ("jerk", jerks)):
+            for name, limit in limits.items():
+                column = self.column(name)
+                axes[column] = replace(axes[column], **{attribute: float(limit)})
         for axis in axes:
             _check_axis(self.path, axis)
         return replace(self, axes=tuple(axes))
@@ -278,8 +297,8 @@ class Machine:
         return ancestors
 
 
-def _driven_joints(path: Path) -> dict[str, str]:
-    """Return the types of the driven joints by name, in the file's order (Pinocchio sorts siblings by name)."""
+def _driven_joints(path: Path) -> dict[str, tuple[str, Mapping[str, str]]]:
+    """Return type and limits of the driven joints by name, in the file's order (Pinocchio sorts siblings by name)."""
     try:
         root = ElementTree.fromstring(path.read_bytes())
     except OSError as error:
@@ -288,7 +307,7 @@ def _driven_joints(path: Path) -> dict[str, str]:
         raise ModelRefused(f"{path}: not a URDF: {error}") from error
     if root.tag != "robot" or "name" not in root.attrib:
         raise ModelRefused(f"{path}: not a URDF: the root element is <{root.tag}>, expected <robot name=...>")
-    joints: dict[str, str] = {}
+    joints: dict[str, tuple[str, Mapping[str, str]]] = {}
     for element in root.findall("joint"):
         name, kind = element.get("name", ""), element.get("type", "")
         if not name or kind not in (*_MOVING, "fixed"):
@@ -300,7 +319,7 @@ def _driven_joints(path: Path) -> dict[str, str]:
         limit = element.find("limit")
         if limit is None or "velocity" not in limit.attrib or "effort" not in limit.attrib:
             raise ModelRefused(f"{path}: joint {name!r} needs a <limit> with lower, upper, velocity and effort")
-        joints[name] = kind
+        joints[name] = kind, limit.attrib
     if not joints:
         raise ModelRefused(f"{path}: no joint moves")
     return joints
@@ -313,7 +332,7 @@ def _pinocchio_model(path: Path) -> pinocchio.Model:
         raise ModelRefused(f"{path}: Pinocchio cannot build it: {' '.join(str(error).split())}") from error
 
 
-def _axis(path: Path, model: pinocchio.Model, name: str, kind: str) -> Axis:
+def _axis(path: Path, model: pinocchio.Model, name: str, kind: str, limit: Mapping[str, str]) -> Axis:
     joint = model.getJointId(name)
     first = model.idx_qs[joint]
     endless = kind == "continuous"
@@ -323,9 +342,20 @@ def _axis(path: Path, model: pinocchio.Model, name: str, kind: str) -> Axis:
         lower=-np.inf if endless else float(model.lowerPositionLimit[first]),
         upper=np.inf if endless else float(model.upperPositionLimit[first]),
         speed=float(model.velocityLimit[model.idx_vs[joint]]),
+        acceleration=_stated(path, name, limit, "acceleration"),
+        jerk=_stated(path, name, limit, "jerk"),
     )
     _check_axis(path, axis)
     return axis
+
+
+def _stated(path: Path, name: str, limit: Mapping[str, str], attribute: str) -> float:
+    """Return an attribute of URDF 1.2 that Pinocchio does not read; inf where the file does not state it."""
+    text = limit.get(attribute, "inf")
+    try:
+        return float(text)
+    except ValueError:
+        raise ModelRefused(f"{path}: joint {name!r} has {attribute} {text!r}, expected a number above 0") from None
 
 
 def _check_axis(path: Path, axis: Axis) -> None:
@@ -336,6 +366,11 @@ def _check_axis(path: Path, axis: Axis) -> None:
         )
     if not axis.speed > 0:
         raise ModelRefused(f"{path}: axis {axis.name} has speed {axis.speed:g} {unit}/s, expected more than 0")
+    for name, value, power in (("acceleration", axis.acceleration, 2), ("jerk", axis.jerk, 3)):
+        if not value > 0:
+            raise ModelRefused(f"{path}: axis {axis.name} has {name} {value:g} {unit}/s{power}, expected more than 0")
+    if np.isfinite(axis.jerk) and not np.isfinite(axis.acceleration):
+        raise ModelRefused(f"{path}: axis {axis.name} has a jerk but no acceleration; state both, or neither")
 
 
 def _joints(path: Path, model: pinocchio.Model, column_of: Mapping[int, int]) -> tuple[_Joint, ...]:

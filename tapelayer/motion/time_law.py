@@ -1,17 +1,27 @@
-"""Time law: the only module that turns distance into seconds; for now axes have a top speed and reach it at once."""
+"""Time law: the only module that turns distance into seconds, for planner, reader, judges and reports alike.
+
+Two durations: the seconds that a block's words ask for, and the seconds that it takes on its control, with the axes'
+accelerations and the way the control passes from block to block.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Frozen, Mask
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.machines.machine import Axis
+from tapelayer.motion.clock import Blends, Clock
+from tapelayer.motion.corners import Chain, Passing, Rule, passing
+from tapelayer.motion.trajectory import CIRCULAR, MOTIONS, Event, Kind, Trajectory
+from tapelayer.units import DEG, MM
 
 Lengths = TypeVar("Lengths", float, Floats)
+# An axis without a stated acceleration reaches its speed at once: within a microsecond.
+AT_ONCE = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,14 +30,35 @@ class Limits(Frozen):
 
     Attributes:
         speed: (k,) m/s or rad/s.
+        acceleration: (k,) m/s2 or rad/s2; inf where none is stated, also for the next one.
+        jerk: (k,) m/s3 or rad/s3.
     """
 
     speed: Floats
+    acceleration: Floats
+    jerk: Floats
 
     @staticmethod
     def of(axes: Iterable[Axis]) -> Limits:
         """Return the limits of axes, in their order."""
-        return Limits(np.array([axis.speed for axis in axes]))
+        chosen = list(axes)
+        return Limits(*(np.array([getattr(axis, name) for axis in chosen]) for name in ("speed", "acceleration", "jerk")))
+
+    @staticmethod
+    def speeds(speed: Floats) -> Limits:
+        """Return limits of (k,) speeds alone.
+
+        Examples:
+            >>> Limits.speeds(np.array([0.5])).acceleration.tolist()
+            [inf]
+        """
+        unlimited = np.full(len(speed), np.inf)
+        return Limits(speed, unlimited, unlimited)
+
+    @property
+    def ramped(self) -> bool:
+        """Whether any axis needs time to reach its speed."""
+        return bool(np.any(np.isfinite(self.acceleration)))
 
 
 def rapids(steps: Floats, limits: Limits) -> Floats:
@@ -39,7 +70,7 @@ def rapids(steps: Floats, limits: Limits) -> Floats:
         limits: of the k axes.
 
     Examples:
-        >>> limits = Limits(np.array([0.5, 0.1]))
+        >>> limits = Limits.speeds(np.array([0.5, 0.1]))
         >>> rapids(np.array([[1.0, 0.1], [1.0, np.nan]]), limits).tolist()
         [2.0, 2.0]
     """
@@ -56,7 +87,7 @@ def feeds(steps: Floats, limits: Limits, least: Floats) -> Floats:
         least: (n,) seconds requested for each; a feed takes longer where an axis cannot follow.
 
     Examples:
-        >>> limits = Limits(np.array([0.5, 0.1]))
+        >>> limits = Limits.speeds(np.array([0.5, 0.1]))
         >>> feeds(np.array([[1.0, 0.1], [1.0, 0.5]]), limits, least=np.array([3.0, 3.0])).tolist()
         [3.0, 5.0]
     """
@@ -68,7 +99,7 @@ def axis_times(steps: Floats, limits: Limits) -> Floats:
     """Return the seconds (n, k) that each axis would take for its own steps (n, k), metres or radians.
 
     Examples:
-        >>> axis_times(np.array([[1.0, -0.1]]), Limits(np.array([0.5, 0.1]))).tolist()
+        >>> axis_times(np.array([[1.0, -0.1]]), Limits.speeds(np.array([0.5, 0.1]))).tolist()
         [[2.0, 1.0]]
     """
     return np.abs(steps) / limits.speed
@@ -98,3 +129,272 @@ def by_feed_word(lengths: Floats, feeds: Floats, inverse: Mask) -> Floats:
         [10.0, 30.0]
     """
     return 60.0 * np.where(inverse, 1.0, lengths) / feeds
+
+
+def rest_to_rest(lengths: Floats, speeds: Floats, accelerations: Floats, jerks: Floats | float = np.inf) -> Floats:
+    """Return the seconds (n,) of moves from rest to rest.
+
+    Args:
+        lengths: (n,) path units.
+        speeds: (n,) greatest path speed.
+        accelerations: (n,) greatest path acceleration.
+        jerks: (n,) greatest path jerk; inf for ramps of constant acceleration.
+
+    Examples:
+        >>> one = np.ones(1)
+        >>> rest_to_rest(0.08 * one, 0.25 * one, 1.5 * one).round(6).tolist()
+        [0.486667]
+        >>> rest_to_rest(0.08 * one, 0.25 * one, 1.5 * one, 30.0 * one).round(6).tolist()
+        [0.536667]
+    """
+    jerks = np.broadcast_to(np.asarray(jerks, dtype=np.float64), lengths.shape)
+    rounding = accelerations / jerks
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ramps = np.where(speeds >= accelerations * rounding, speeds / accelerations + rounding, 2 * np.sqrt(speeds / jerks))
+        # The peak of a move too short for its speed: with a stretch of full acceleration, or without one.
+        peaks = (-accelerations * rounding + np.sqrt((accelerations * rounding) ** 2 + 4 * accelerations * lengths)) / 2
+        short = np.where(
+            peaks >= accelerations * rounding, 2 * (peaks / accelerations + rounding), 4 * np.cbrt(lengths / (2 * jerks))
+        )
+        seconds = np.where(lengths >= speeds * ramps, lengths / speeds + ramps, short)
+    return np.where(lengths > 0.0, seconds, 0.0)
+
+
+def timed(trajectory: Trajectory, limits: Limits, rule: Rule) -> Trajectory:
+    """Return a trajectory with the time that its blocks take on a control.
+
+    Args:
+        trajectory: its durations are the seconds that the words ask for; for a rapid they do not count.
+        limits: of its axes.
+        rule: of the control.
+    """
+    clock = clock_of(trajectory, limits, rule)
+    return replace(trajectory, asked=trajectory.requested, durations=clock.durations, clock=clock)
+
+
+def clock_of(trajectory: Trajectory, limits: Limits, rule: Rule) -> Clock:
+    """Return when a control is where along a trajectory; arguments as `timed`."""
+    blocks = np.arange(len(trajectory))
+    steps = np.nan_to_num(trajectory.positions - trajectory.begins(blocks))
+    steps[~np.isin(trajectory.kinds, MOTIONS)] = 0.0
+    columns = [column for column in range(steps.shape[1]) if column not in rule.outputs]
+    lengths, groups = _paths(trajectory, steps, columns, rule)
+    moving = lengths > 0.0
+    rapid = trajectory.kinds == Kind.RAPID
+    asked = np.where(rapid, 0.0, trajectory.requested)
+    reached = np.append(0.0, np.cumsum(lengths))
+    # A word that turns an axis for the control takes effect before the block's own motion.
+    turned = np.any(steps[:, sorted(rule.outputs)] != 0.0, axis=1)
+    waits = ~moving & ((asked > 0.0) | turned | (trajectory.events == Event.STOP))
+    if rule.switching == "stops":
+        waits |= trajectory.kinds == Kind.SWITCH
+    if rule.corner == "none" or not limits.ramped or not np.any(moving):
+        needed = np.max(axis_times(steps, limits), axis=1, initial=0.0)
+        spent = np.where(waits, asked, np.maximum(asked, needed))
+        return Clock.even(reached, spent, np.full(len(blocks), rule.corner == "stop"))
+    rows = np.flatnonzero(moving)
+    standing = np.where(moving, 0.0, asked + np.where(waits, rule.drain, 0.0))
+    axes = np.minimum(limits.acceleration[columns], AT_ONCE)
+    with np.errstate(divide="ignore"):
+        moved = np.abs(steps[np.ix_(rows, columns)])
+        tops = lengths[rows] / np.max(moved / limits.speed[columns], axis=1)
+        accelerations = np.minimum(lengths[rows] / np.max(moved / axes, axis=1), AT_ONCE)
+        speeds = np.minimum(tops, lengths[rows] / asked[rows])
+    chain = Chain(
+        directions=steps[np.ix_(rows, columns)] / lengths[rows, None],
+        xyz=tuple(columns.index(column) for column in (rule.paths or ((),))[0] if column in columns),
+        lengths=lengths[rows],
+        speeds=speeds,
+        tops=tops,
+        accelerations=accelerations,
+        axes=axes,
+        tolerances=trajectory.tolerances[rows],
+        scales=np.where([column in rule.rotary for column in columns], DEG / MM, 1.0),
+        rapid=rapid[rows],
+        groups=groups[rows],
+        broken=np.append(np.diff(np.cumsum(waits | turned)[rows]) > 0, True),
+    )
+    passed = passing(chain, rule)
+    ramps = _ramps(chain, passed, limits.jerk[columns], np.cumsum(standing)[rows])
+    return _clock(ramps, rows, reached, standing)
+
+
+def _paths(trajectory: Trajectory, steps: Floats, columns: Sequence[int], rule: Rule) -> tuple[Floats, Ints]:
+    """Return the path length (n,) of each block, and the number (n,) of the group of axes that it is along."""
+    squares = steps**2
+    groups = [*(list(group) for group in rule.paths), list(columns)]
+    lengths, numbers = np.zeros(len(steps)), np.full(len(steps), len(groups))
+    for number, group in enumerate(groups):
+        along = np.sqrt(np.sum(squares[:, group], axis=1))
+        unset = lengths == 0.0
+        numbers[unset & (along > 0.0)] = number
+        lengths = np.where(unset, along, lengths)
+    circular = np.flatnonzero(np.isin(trajectory.kinds, CIRCULAR))
+    if len(circular):
+        arcs = trajectory.arcs(circular)
+        turned = np.abs(arcs.sweeps) * np.max(arcs.radii, axis=0)
+        rest = squares[circular[:, None], [trajectory.column(axis) for axis in "xyz"]]
+        third = np.sum(rest, axis=1) - np.sum(np.take_along_axis(squares[circular], arcs.axes, axis=1), axis=1)
+        lengths[circular] = np.sqrt(turned**2 + np.maximum(third, 0.0))
+        # Each axis of the plane moves as fast as the path somewhere on the arc.
+        steps[circular[:, None], arcs.axes] = turned[:, None]
+    return lengths, numbers
+
+
+@dataclass(frozen=True, eq=False)
+class _Ramps(Frozen):
+    """Trapezoids of path speed, one a moving block.
+
+    Attributes:
+        begins: (m,) seconds at which each begins.
+        ends: (m,) seconds at which each ends.
+        waits: (m,) seconds after the end before the next may begin, if the control stops.
+        first: (m,) path speed at the beginning.
+        tops: (m,) greatest path speed.
+        last: (m,) path speed at the end.
+        accelerations: (m,) of both ramps.
+        overlaps: (m,) seconds by which the next one begins before the end.
+        rounding: (m,) seconds in which a corner passed at speed turns.
+    """
+
+    begins: Floats
+    ends: Floats
+    waits: Floats
+    first: Floats
+    tops: Floats
+    last: Floats
+    accelerations: Floats
+    overlaps: Floats
+    rounding: Floats
+
+    def speeds(self, times: Floats, late: bool, shift: int) -> Floats:
+        """Return the path speed (m, 4) that the block `shift` places on gives at times (m, 4).
+
+        Args:
+            times: seconds.
+            late: whether a block's beginning, not its end, belongs to it.
+            shift: 0 for the block of the row itself, -1 for the one before, 1 for the one after.
+        """
+        rows = slice(max(-shift, 0), len(times) - max(shift, 0))
+        own = slice(max(shift, 0), len(times) + min(shift, 0))
+        at, found = times[rows], np.zeros_like(times)
+        since, left = at - self.begins[own, None], self.ends[own, None] - at
+        active = (since >= 0.0) & (left > 0.0) if late else (since > 0.0) & (left >= 0.0)
+        rate = self.accelerations[own, None]
+        ramps = np.minimum(self.first[own, None] + rate * since, self.last[own, None] + rate * left)
+        found[rows] = np.where(active, np.minimum(ramps, self.tops[own, None]), 0.0)
+        return found
+
+
+def _ramps(chain: Chain, passed: Passing, jerks: Floats, stood: Floats) -> _Ramps:
+    """Return the ramps of a chain.
+
+    Args:
+        chain: the moving blocks.
+        passed: how the control passes them.
+        jerks: (k,) greatest jerk of every axis.
+        stood: (m,) seconds stood still by non-moving blocks up to each block.
+    """
+    lengths, speeds, rates = chain.lengths, passed.speeds, passed.accelerations
+    first, last = _reachable(lengths, speeds, rates, passed.caps)
+    tops = np.minimum(speeds, np.sqrt((2.0 * rates * lengths + first**2 + last**2) / 2.0))
+    ramped = (2.0 * tops**2 - first**2 - last**2) / (2.0 * rates)
+    seconds = (2.0 * tops - first - last) / rates + np.maximum(lengths - ramped, 0.0) / tops
+    overlaps, rounding, pauses = passed.onsets / rates, passed.rounding, passed.pauses
+    if np.any(np.isfinite(jerks)):
+        stretch = _stretch(chain, seconds, last, overlaps, speeds, rates, jerks)
+        seconds, overlaps, rounding = seconds * stretch, overlaps * stretch, rounding * stretch
+        first, tops, last, rates = first / stretch, tops / stretch, last / stretch, rates / stretch**2
+    waited = np.append(0.0, np.cumsum(pauses - overlaps)[:-1])
+    ends = np.cumsum(seconds) + waited + stood
+    return _Ramps(ends - seconds, ends, pauses, first, tops, last, rates, overlaps, rounding)
+
+
+def _reachable(lengths: Floats, speeds: Floats, rates: Floats, caps: Floats) -> tuple[Floats, Floats]:
+    """Return the path speed (m,) at each block's beginning and end: two passes over its square, none a loop.
+
+    Over a block the square of the speed changes by at most 2 a L, so that it is a running minimum once the sum of all
+    changes up to there is taken off.
+    """
+    if not np.any(caps):
+        return np.zeros(len(lengths)), np.zeros(len(lengths))
+    gains = np.cumsum(2.0 * rates * lengths)
+    squares = np.minimum(caps, speeds) ** 2
+    # Backward: at a block's end no faster than the next one, with all of its length, can brake from.
+    braked = np.minimum.accumulate((squares + gains)[::-1])[::-1] - gains
+    # Forward: no faster than it could have become since the last stop.
+    squares = np.minimum.accumulate(np.append(0.0, braked - gains))[1:] + gains
+    squares = np.where(caps > 0.0, np.maximum(squares, 0.0), 0.0)
+    last = np.sqrt(squares)
+    return np.append(0.0, last[:-1]), last
+
+
+def _stretch(
+    chain: Chain, seconds: Floats, last: Floats, overlaps: Floats, speeds: Floats, rates: Floats, jerks: Floats
+) -> Floats:
+    """Return the factor (m,) by which limits of jerk lengthen the time of each block.
+
+    A block alone from rest to rest has its closed form. A run of blocks without a stop takes longer by the time that an
+    axis needs to reach its acceleration: the speed is averaged over that time.
+    """
+    with np.errstate(divide="ignore"):
+        along = 1.0 / np.max(np.abs(chain.directions) / jerks, axis=1)
+    stops = (last == 0.0) & (overlaps == 0.0)
+    runs = np.cumsum(np.append(0, stops[:-1]))
+    total = np.bincount(runs, seconds) - np.bincount(runs, overlaps)
+    longest = np.zeros(runs[-1] + 1)
+    np.maximum.at(longest, runs, rates / along)
+    alone = np.bincount(runs)[runs] == 1
+    averaged = 1.0 + (longest / total)[runs]
+    return np.where(alone, rest_to_rest(chain.lengths, speeds, rates, along) / seconds, averaged)
+
+
+def _clock(ramps: _Ramps, rows: Ints, reached: Floats, standing: Floats) -> Clock:
+    """Return the clock of ramps, whose blocks are these rows (m,) of a program of n blocks."""
+    rise = (ramps.tops - ramps.first) / ramps.accelerations
+    fall = (ramps.tops - ramps.last) / ramps.accelerations
+    times = np.column_stack([ramps.begins, ramps.begins + rise, ramps.ends - fall, ramps.ends])
+    overlapping = bool(np.any(ramps.overlaps))
+    shifts = (-1, 0, 1) if overlapping else (0,)
+    after = sum((ramps.speeds(times, True, shift) for shift in shifts), np.zeros_like(times)).ravel()
+    before = sum((ramps.speeds(times, False, shift) for shift in shifts), np.zeros_like(times)).ravel()
+    moments = times.ravel()
+    if overlapping:
+        order = np.argsort(moments, kind="stable")
+        moments, after, before = moments[order], after[order], before[order]
+    marks = np.append(0.0, np.cumsum(np.diff(moments) * (after[:-1] + before[1:]) / 2.0))
+    stands = (ramps.last == 0.0) & (ramps.overlaps == 0.0)
+    clock = Clock(reached, np.zeros(len(reached)), np.zeros(0, np.bool_), moments, marks, after, before)
+    ends = np.where(stands, ramps.ends + ramps.waits, clock.first_times(reached[rows + 1]))
+    # Blocks that do not move end where the last one that moves did, after the time they stand.
+    last = np.searchsorted(rows, np.arange(len(standing)), side="right") - 1
+    stood = np.cumsum(standing)
+    since = stood - np.where(last >= 0, stood[rows[np.maximum(last, 0)]], 0.0)
+    every = np.where(last >= 0, ends[np.maximum(last, 0)], 0.0) + since
+    still = np.where(last >= 0, stands[np.maximum(last, 0)], True) | (standing > 0.0)
+    return replace(
+        clock,
+        ends=np.append(0.0, np.maximum.accumulate(every)),
+        stands=still,
+        blends=_blends(ramps, rows, len(standing)),
+    )
+
+
+def _blends(ramps: _Ramps, rows: Ints, count: int) -> Blends | None:
+    """Return how the blocks, `count` in all, overlap or round off their corners; None where none do."""
+    overlaps = np.where(ramps.overlaps > 0.0, ramps.overlaps, ramps.rounding)
+    joined = np.flatnonzero(overlaps[:-1] > 0.0)
+    if not len(joined):
+        return None
+    blocks = np.arange(count)
+    following, preceding = blocks.copy(), blocks.copy()
+    following[rows[joined]], preceding[rows[joined + 1]] = rows[joined + 1], rows[joined]
+    begins, spans, braking, starting = (np.zeros(count) for _ in range(4))
+    turned = ramps.overlaps[joined] == 0.0
+    begins[rows[joined]] = np.where(turned, ramps.ends[joined] - overlaps[joined] / 2.0, ramps.begins[joined + 1])
+    spans[rows[joined]] = overlaps[joined]
+    # A corner passed at speed turns evenly: as if one block gave up the speed while the other took it on.
+    even = ramps.last[joined] / overlaps[joined]
+    braking[rows[joined]] = np.where(turned, even, ramps.accelerations[joined])
+    starting[rows[joined]] = np.where(turned, even, ramps.accelerations[joined + 1])
+    return Blends(following, preceding, begins, spans, braking, starting)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tapelayer.arrays import Floats, Frozen, Ints, frozen
+from tapelayer.motion.clock import Clock
 from tapelayer.vectors import dot
 
 
@@ -46,7 +47,8 @@ class Event(IntEnum):
     ARC_OFF = 16
 
 
-MOTIONS = (Kind.RAPID, Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)
+CIRCULAR = (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)
+MOTIONS = (Kind.RAPID, Kind.LINEAR, *CIRCULAR)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,12 @@ class Arcs:
     sweeps: Floats
 
 
+# The attributes of a trajectory that have a row a block.
+ROWS = ("kinds", "durations", "events", "courses", "stated", "lines", "centres", "planes", "tolerances", "asked")
+# Where a trajectory states no tolerances, the control stops at every block's end.
+NOT_ROUNDED = np.zeros(0)
+
+
 @dataclass(frozen=True, eq=False)
 class Trajectory(Frozen):
     """Blocks in execution order; row i is block i.
@@ -77,13 +85,16 @@ class Trajectory(Frozen):
         start: (k,) joint values before the first block, in metres and radians; NaN where nothing has stated them yet.
         positions: (n, k) joint values at each block's end, in metres and radians.
         kinds: (n,) `Kind` of each block.
-        durations: (n,) seconds.
+        durations: (n,) seconds that each takes; where the time law was not asked yet, those that its words ask for.
         events: (n,) `Event` of each switching block, NONE elsewhere.
         courses: (n,) index (from 0) of the course or pass that the block serves, -1 before the first.
         stated: (n,) bit i is set where axis i is written even if it does not change.
         centres: (n, 3) centre of each circular block in joint coordinates x, y, z (metres), NaN elsewhere.
         planes: (n,) plane of each circular block: 0 XY, 1 ZX, 2 YZ.
         lines: (n,) line of the program (from 1) that the block was read from, 0 if it was not read.
+        tolerances: (n,) metres by which the control may round off the block's end; 0 where it stops there exactly.
+        asked: (n,) seconds that the words ask for; None where the durations are these.
+        clock: when the control is where; None before the time law was asked.
     """
 
     axes: tuple[str, ...]
@@ -97,13 +108,18 @@ class Trajectory(Frozen):
     lines: NDArray[np.int32]
     centres: Floats | None = None
     planes: NDArray[np.uint8] | None = None
+    tolerances: Floats = field(default_factory=lambda: NOT_ROUNDED)
+    asked: Floats | None = None
+    clock: Clock | None = None
 
     def __post_init__(self) -> None:
         """Check that the rows match, and freeze the arrays."""
         n, k = self.positions.shape
         if len(self.axes) != k or self.start.shape != (k,):
             raise ValueError(f"{len(self.axes)} axes do not fit positions of shape {self.positions.shape}")
-        for name in ("kinds", "durations", "events", "courses", "stated", "lines", "centres", "planes"):
+        if self.tolerances is NOT_ROUNDED:
+            object.__setattr__(self, "tolerances", np.zeros(n))
+        for name in ROWS:
             rows = getattr(self, name)
             if rows is not None and len(rows) != n:
                 raise ValueError(f"{name} has {len(rows)} rows, positions {n}")
@@ -121,7 +137,49 @@ class Trajectory(Frozen):
     @cached_property
     def times(self) -> Floats:
         """Seconds (n,) from the program's start to each block's end."""
-        return frozen(np.cumsum(self.durations))
+        return frozen(np.cumsum(self.durations) if self.clock is None else self.clock.ends[1:])
+
+    @property
+    def requested(self) -> Floats:
+        """Seconds (n,) that the words of each block ask for; a rapid asks for none in particular."""
+        return self.durations if self.asked is None else self.asked
+
+    def moments(self, blocks: Ints, fractions: Floats) -> Floats:
+        """Return the seconds (m,) from the program's start to (m,) fractions of the way along blocks (m,)."""
+        if self.clock is None:
+            return self.times[blocks] - (1.0 - fractions) * self.durations[blocks]
+        return self.clock.times(blocks, fractions)
+
+    def fractions(self, blocks: Ints, times: Floats) -> Floats:
+        """Return how far along blocks (m,), from 0 to 1, the control is at times (m,) in seconds."""
+        if self.clock is not None:
+            return self.clock.fractions(blocks, times)
+        spent = self.durations[blocks]
+        left = (self.times[blocks] - times) / np.where(spent > 0.0, spent, 1.0)
+        return np.clip(1.0 - left, 0.0, 1.0)
+
+    def rounded(self, blocks: Ints, fractions: Floats) -> Floats:
+        """Return the joint values (m, k) as `within`, with corners rounded off as the control rounds them."""
+        values = self.within(blocks, fractions)
+        blends = None if self.clock is None else self.clock.blends
+        if self.clock is None or blends is None:
+            return values
+        for off, before, after in zip(
+            self.clock.corners(blocks, fractions),
+            (blends.preceding[blocks], blocks),
+            (blocks, blends.following[blocks]),
+            strict=True,
+        ):
+            turned = np.flatnonzero(off > 0.0)
+            values[turned] += off[turned, None] * (self._direction(after[turned]) - self._direction(before[turned]))
+        return values
+
+    def _direction(self, blocks: Ints) -> Floats:
+        """Return the change (m, k) of every axis per unit of the path of blocks (m,)."""
+        assert self.clock is not None
+        lengths = self.clock.reached[blocks + 1] - self.clock.reached[blocks]
+        directions: Floats = (self.positions[blocks] - self.begins(blocks)) / lengths[:, None]
+        return directions
 
     def column(self, axis: str) -> int:
         """Return the column of an axis in `positions`."""
@@ -143,7 +201,7 @@ class Trajectory(Frozen):
         """
         begin = self.begins(blocks)
         values = begin + fractions[:, None] * (self.positions[blocks] - begin)
-        circular = np.flatnonzero(np.isin(self.kinds[blocks], (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
+        circular = np.flatnonzero(np.isin(self.kinds[blocks], CIRCULAR))
         if len(circular):
             rows = np.arange(len(circular))
             arcs, along = self.arcs(blocks[circular]), fractions[circular]

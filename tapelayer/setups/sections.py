@@ -63,6 +63,19 @@ class MachineSettings(Section, title="Machine"):
         dict[str, Positive], Field(description="speed limits of rotary axes in place of the URDF's, e.g. {c = 30}")
     ] = {}
 
+    accelerations_mm_per_s2: Annotated[
+        dict[str, Positive], Field(description="accelerations of linear axes in place of the URDF's, e.g. {x = 1500}")
+    ] = {}
+    accelerations_deg_per_s2: Annotated[
+        dict[str, Positive], Field(description="accelerations of rotary axes in place of the URDF's, e.g. {c = 300}")
+    ] = {}
+    jerks_mm_per_s3: Annotated[
+        dict[str, Positive], Field(description="jerks of linear axes in place of the URDF's, e.g. {x = 30000}")
+    ] = {}
+    jerks_deg_per_s3: Annotated[
+        dict[str, Positive], Field(description="jerks of rotary axes in place of the URDF's, e.g. {c = 6000}")
+    ] = {}
+
     def travel(self) -> dict[str, tuple[float, float]]:
         """Return the overridden travel by axis, in metres and radians.
 
@@ -80,15 +93,32 @@ class MachineSettings(Section, title="Machine"):
             >>> MachineSettings(speeds_mm_per_s={"x": 500}).speeds()
             {'x': 0.5}
         """
-        linear = {axis: speed * MM for axis, speed in self.speeds_mm_per_s.items()}
-        return linear | {axis: speed * DEG for axis, speed in self.speeds_deg_per_s.items()}
+        return _in_si(self.speeds_mm_per_s, self.speeds_deg_per_s)
+
+    def accelerations(self) -> dict[str, float]:
+        """Return the overridden accelerations by axis, in metres and radians per second squared."""
+        return _in_si(self.accelerations_mm_per_s2, self.accelerations_deg_per_s2)
+
+    def jerks(self) -> dict[str, float]:
+        """Return the overridden jerks by axis, in metres and radians per second cubed."""
+        return _in_si(self.jerks_mm_per_s3, self.jerks_deg_per_s3)
 
     @model_validator(mode="after")
     def _one_unit_an_axis(self) -> Self:
-        for linear, rotary in (("limits_mm", "limits_deg"), ("speeds_mm_per_s", "speeds_deg_per_s")):
+        for linear, rotary in (
+            ("limits_mm", "limits_deg"),
+            ("speeds_mm_per_s", "speeds_deg_per_s"),
+            ("accelerations_mm_per_s2", "accelerations_deg_per_s2"),
+            ("jerks_mm_per_s3", "jerks_deg_per_s3"),
+        ):
             for axis in getattr(self, linear).keys() & getattr(self, rotary).keys():
                 raise ValueError(f"axis {axis} stands in both {linear} and {rotary}; keep the one of its unit")
         return self
+
+
+def _in_si(linear: Mapping[str, float], rotary: Mapping[str, float]) -> dict[str, float]:
+    """Return values by axis in metres and radians, from those in mm and in degrees."""
+    return {axis: value * MM for axis, value in linear.items()} | {axis: value * DEG for axis, value in rotary.items()}
 
 
 class OutputSettings(Section, title="Output"):

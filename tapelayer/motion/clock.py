@@ -1,0 +1,148 @@
+"""Clock: when a control is where along the blocks of a program, and how fast, as the time law predicts it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Blends(Frozen):
+    """The overlaps of blocks with their successors: one begins while the other still brakes.
+
+    Attributes:
+        following: (n,) the block that each block runs into; the block itself where none.
+        preceding: (n,) the block that runs into each block; the block itself where none.
+        begins: (n,) seconds from the program's start to when the following block begins.
+        overlaps: (n,) seconds of that overlap, 0 where the control stops or passes a straight corner.
+        braking: (n,) path deceleration of each block in it, path units/s2.
+        starting: (n,) path acceleration of the following block in it, path units/s2.
+    """
+
+    following: Ints
+    preceding: Ints
+    begins: Floats
+    overlaps: Floats
+    braking: Floats
+    starting: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Clock(Frozen):
+    """Time along the blocks of a program.
+
+    The path coordinate adds up the lengths of the blocks' paths, in metres or radians, whichever axes each moves along;
+    between two breakpoints the path speed changes linearly.
+
+    Attributes:
+        reached: (n + 1,) path coordinate at the program's start and at each block's end.
+        ends: (n + 1,) seconds there.
+        stands: (n,) True where the control stands still at a block's end.
+        moments: (m,) seconds at the breakpoints of the path speed, not decreasing.
+        marks: (m,) path coordinate there.
+        after: (m,) path speed just after each breakpoint.
+        before: (m,) path speed just before it.
+        blends: how blocks overlap; None where none do.
+    """
+
+    reached: Floats
+    ends: Floats
+    stands: Mask
+    moments: Floats
+    marks: Floats
+    after: Floats
+    before: Floats
+    blends: Blends | None = None
+
+    @property
+    def durations(self) -> Floats:
+        """Seconds (n,) from block end to block end."""
+        durations: Floats = np.diff(self.ends)
+        return durations
+
+    def times(self, blocks: Ints, fractions: Floats) -> Floats:
+        """Return the seconds (m,) from the program's start to fractions (m,) of the way along blocks (m,)."""
+        begins, ends = self.ends[blocks], self.ends[blocks + 1]
+        even = begins + fractions * (ends - begins)
+        lengths = self.reached[blocks + 1] - self.reached[blocks]
+        moving = np.flatnonzero((lengths > 0.0) & (fractions > 0.0) & (fractions < 1.0))
+        if not len(moving) or not len(self.marks):
+            return even
+        at = self.first_times(self.reached[blocks[moving]] + fractions[moving] * lengths[moving])
+        even[moving] = np.clip(at, begins[moving], ends[moving])
+        return even
+
+    def fractions(self, blocks: Ints, times: Floats) -> Floats:
+        """Return how far along blocks (m,), from 0 to 1, the control is at times (m,) in seconds."""
+        begins, spans = self.ends[blocks], self.ends[blocks + 1] - self.ends[blocks]
+        even = (times - begins) / np.where(spans > 0.0, spans, 1.0)
+        lengths = self.reached[blocks + 1] - self.reached[blocks]
+        moving = np.flatnonzero((lengths > 0.0) & (spans > 0.0))
+        if len(moving) and len(self.marks):
+            index, since = self._interval(times[moving])
+            at = self.marks[index] + since * (self.after[index] + since * self._slopes(index) / 2.0)
+            even[moving] = (at - self.reached[blocks[moving]]) / lengths[moving]
+        # At its end a block is done, whatever is left of it by rounding.
+        return np.where(times >= self.ends[blocks + 1], 1.0, np.clip(even, 0.0, 1.0))
+
+    def speeds(self, times: Floats) -> Floats:
+        """Return the path speed (m,) at times (m,) in seconds; path units/s."""
+        index, since = self._interval(times)
+        speeds: Floats = self.after[index] + since * self._slopes(index)
+        return speeds
+
+    def corners(self, blocks: Ints, fractions: Floats) -> tuple[Floats, Floats]:
+        """Return how far blends round off the corners at the beginning and at the end of blocks.
+
+        The control is off the straight block by these lengths, in path units, times the change of direction there.
+
+        Args:
+            blocks: (m,) blocks.
+            fractions: (m,) of the way along them.
+
+        Returns:
+            Lengths (m,) at the corner before, and (m,) at the corner after.
+        """
+        if self.blends is None:
+            return np.zeros(len(blocks)), np.zeros(len(blocks))
+        times = self.times(blocks, fractions)
+        blends, before = self.blends, self.blends.preceding[blocks]
+        since = np.clip(times - blends.begins[blocks], 0.0, blends.overlaps[blocks])
+        left = np.clip(blends.begins[before] + blends.overlaps[before] - times, 0.0, blends.overlaps[before])
+        left = np.where(before == blocks, 0.0, left)
+        return blends.braking[before] * left**2 / 2.0, blends.starting[blocks] * since**2 / 2.0
+
+    def _interval(self, times: Floats) -> tuple[Ints, Floats]:
+        """Return the breakpoint (m,) before each of the times (m,), and the seconds (m,) since."""
+        index = np.clip(np.searchsorted(self.moments, times, side="right") - 1, 0, len(self.moments) - 2)
+        return index, np.clip(times - self.moments[index], 0.0, self.moments[index + 1] - self.moments[index])
+
+    def _slopes(self, index: Ints) -> Floats:
+        """Return the path acceleration (m,) after breakpoints (m,)."""
+        spans = self.moments[index + 1] - self.moments[index]
+        slopes: Floats = (self.before[index + 1] - self.after[index]) / np.where(spans > 0.0, spans, 1.0)
+        return slopes
+
+    def first_times(self, coordinates: Floats) -> Floats:
+        """Return the first seconds (m,) at which path coordinates (m,) are reached."""
+        index = np.clip(np.searchsorted(self.marks, coordinates, side="left") - 1, 0, len(self.marks) - 2)
+        along, speed = np.maximum(coordinates - self.marks[index], 0.0), self.after[index]
+        root = speed + np.sqrt(np.maximum(speed**2 + 2.0 * self._slopes(index) * along, 0.0))
+        since = 2.0 * along / np.where(root > 0.0, root, 1.0)
+        return self.moments[index] + np.minimum(since, self.moments[index + 1] - self.moments[index])
+
+    @staticmethod
+    def even(reached: Floats, durations: Floats, stands: Mask) -> Clock:
+        """Return the clock of a control without ramps, which goes through each block at an even speed.
+
+        Args:
+            reached: (n + 1,) path coordinate at the program's start and at each block's end.
+            durations: (n,) seconds of each block.
+            stands: (n,) True where the control stands still at a block's end.
+        """
+        nothing = np.zeros(0)
+        ends = np.append(0.0, np.cumsum(durations))
+        return Clock(reached, ends, stands, nothing, nothing, nothing, nothing)

@@ -1,0 +1,241 @@
+"""Corners: how a control passes from block to block, by its rule: with a stop, a blend or a look ahead."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
+
+Corner = Literal["none", "stop", "linuxcnc", "look_ahead"]
+# A corner sharper than this is a reversal, which LinuxCNC never passes without a stop.
+REVERSAL = 1.0 - 0.5 * math.radians(2.0) ** 2
+# Share of the acceleration that LinuxCNC leaves for a blend arc.
+ARC_SHARE = math.sqrt(3.0) / 2.0
+# LinuxCNC keeps a block that follows a tangent corner a little longer than a servo cycle.
+OVER_A_CYCLE = 1.02
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How a control turns blocks into motion.
+
+    Attributes:
+        corner: `none`: every axis reaches its speed at once; `stop`: a full stop at every block's end; `linuxcnc`: its
+            trajectory planner; `look_ahead`: over any number of blocks, corners rounded within the tolerance.
+        paths: groups of columns; the first that moves in a block sets its path, all columns where none does.
+        rotary: columns of rotary axes.
+        outputs: columns that the control does not interpolate: they turn while all else stands still.
+        switching: whether a switching word lets the motion go on, or stops it.
+        cycle: servo period, seconds.
+        kink: share of an axis's acceleration that LinuxCNC spends on a corner that it passes without a stop.
+        drain: seconds for a word that lets the control finish all motion first.
+        tolerance: metres by which corners are rounded off where blocks are blended; 0 where they cannot be.
+    """
+
+    corner: Corner = "none"
+    paths: tuple[tuple[int, ...], ...] = ()
+    rotary: frozenset[int] = frozenset()
+    outputs: frozenset[int] = frozenset()
+    switching: Literal["on_the_fly", "stops"] = "on_the_fly"
+    cycle: float = 1e-3
+    kink: float = 0.1
+    drain: float = 0.0
+    tolerance: float = 0.0
+
+    @property
+    def blends(self) -> bool:
+        """Whether the control can pass a block's end without a stop."""
+        return self.corner in ("linuxcnc", "look_ahead")
+
+    @property
+    def ramp_share(self) -> float:
+        """Share of the acceleration that a block has for its own ramps while it blends into the next."""
+        return 0.5 if self.corner == "linuxcnc" else 1.0
+
+    def held(self, lengths: Floats, accelerations: Floats) -> Floats:
+        """Return the greatest speed (n,) that a control holds through blended blocks of (n,) lengths.
+
+        LinuxCNC plans every block from rest to rest at half its acceleration: the speed is held where the block is at
+        least 2 v^2 / a long.
+
+        Args:
+            lengths: (n,) path units.
+            accelerations: (n,) along the path, path units/s2.
+        """
+        if self.corner == "linuxcnc":
+            return np.sqrt(accelerations * lengths / 2.0)
+        return np.full(len(lengths), math.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class Chain(Frozen):
+    """Moving blocks in order, as a corner rule sees them.
+
+    Attributes:
+        directions: (m, k) change of every axis per path unit.
+        xyz: columns of X, Y, Z in it.
+        lengths: (m,) path units.
+        speeds: (m,) greatest path speed, by feed word and axes.
+        tops: (m,) greatest path speed by the axes alone.
+        accelerations: (m,) greatest path acceleration.
+        axes: (k,) greatest acceleration of every axis.
+        tolerances: (m,) metres by which the end may be rounded off, 0 for a full stop.
+        scales: (k,) radians that count as a metre there: a degree as a millimetre; 1 for linear axes.
+        rapid: (m,) whether a block is a rapid.
+        groups: (m,) the rule's path group of each block.
+        broken: (m,) whether words after a block let the control finish all motion.
+    """
+
+    directions: Floats
+    xyz: tuple[int, ...]
+    lengths: Floats
+    speeds: Floats
+    tops: Floats
+    accelerations: Floats
+    axes: Floats
+    tolerances: Floats
+    scales: Floats
+    rapid: Mask
+    groups: Ints
+    broken: Mask
+
+    @property
+    def joined(self) -> Mask:
+        """Whether (m - 1,) each block and the next can go without a stop: both feeds or both rapids, no word between."""
+        joined: Mask = ~self.broken[:-1] & (self.rapid[1:] == self.rapid[:-1])
+        return joined
+
+
+@dataclass(frozen=True, eq=False)
+class Passing(Frozen):
+    """How the control passes the blocks of a chain.
+
+    Attributes:
+        speeds: (m,) greatest path speed.
+        accelerations: (m,) path acceleration of each block's ramps.
+        caps: (m,) greatest path speed at each block's end; 0 for a stop or a blend.
+        onsets: (m,) path speed below which a braking block lets the next begin; 0 where none may.
+        pauses: (m,) seconds that a stop at the end costs beyond the ramps.
+        rounding: (m,) seconds within which a corner that is passed at speed turns, 0 where it is straight.
+    """
+
+    speeds: Floats
+    accelerations: Floats
+    caps: Floats
+    onsets: Floats
+    pauses: Floats
+    rounding: Floats
+
+
+def passing(chain: Chain, rule: Rule) -> Passing:
+    """Return how a control passes a chain of at least one block."""
+    if rule.corner == "linuxcnc":
+        return _linuxcnc(chain, rule)
+    nothing = np.zeros(len(chain.lengths))
+    caps = _looked_ahead(chain) if rule.corner == "look_ahead" else nothing
+    turns = _turns(chain)
+    rounding = np.zeros(len(caps))
+    rounding[:-1] = np.max(turns / chain.axes, axis=1, initial=0.0) * caps[:-1]
+    return Passing(chain.speeds, chain.accelerations, caps, nothing, nothing, rounding)
+
+
+def _turns(chain: Chain) -> Floats:
+    """Return the change of direction (m - 1, k) of every axis at each corner."""
+    turns: Floats = np.abs(np.diff(chain.directions, axis=0))
+    return turns
+
+
+def _looked_ahead(chain: Chain) -> Floats:
+    """Return the greatest path speed (m,) at each block's end.
+
+    A corner is rounded by a parabola: it turns in the time that its axes need, stays within the tolerance in every
+    axis (a millimetre counts as a degree), and takes no more than half of either block.
+    """
+    turns = _turns(chain)
+    room = np.minimum(chain.lengths[1:], chain.lengths[:-1])[:, None]
+    within = chain.tolerances[:-1, None] * chain.scales
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squares = np.where(turns > 0.0, chain.axes / turns * np.minimum(8.0 * within / turns, room), math.inf)
+    caps = np.zeros(len(chain.lengths))
+    caps[:-1] = np.sqrt(np.min(squares, axis=1, initial=math.inf))
+    passed = chain.joined & (chain.tolerances[:-1] > 0.0) & (chain.groups[1:] == chain.groups[:-1])
+    caps[:-1] = np.where(passed, np.minimum(caps[:-1], np.minimum(chain.speeds[:-1], chain.speeds[1:])), 0.0)
+    return caps
+
+
+def _linuxcnc(chain: Chain, rule: Rule) -> Passing:
+    """Return LinuxCNC's way of passing blocks (its trajectory planner, 2.9).
+
+    Where a rotary axis or U, V, W moves, a block ends in a full stop, or in a parabolic blend at half its acceleration.
+    Where only X, Y, Z move, a corner is also passed at speed if it is straight enough, and its kink is taken off the
+    acceleration of both blocks.
+    """
+    xyz = chain.directions[:, chain.xyz]
+    lengths = np.linalg.norm(xyz, axis=1, keepdims=True)
+    # Two blocks without X Y Z count as straight, whatever the other axes do.
+    units = np.where(lengths > 0.0, xyz / np.where(lengths > 0.0, lengths, 1.0), np.eye(1, len(chain.xyz)))
+    others = np.any(np.delete(chain.directions, chain.xyz, axis=1) != 0.0, axis=1)
+    blended = chain.tolerances > 0.0
+    speeds = np.minimum(chain.speeds, chain.lengths / rule.cycle)
+    tops = np.minimum(chain.tops, chain.lengths / rule.cycle)
+    cosines = np.sum(units[:-1] * units[1:], axis=1)
+    half = np.cos(np.arccos(np.clip(-cosines, -1.0, 1.0)) / 2.0)
+    reached = np.minimum(speeds[:-1], speeds[1:])
+    swing = np.abs(np.diff(units, axis=0)) * (reached / rule.cycle + chain.accelerations[1:])[:, None]
+    kinks = np.max(swing / chain.axes[list(chain.xyz)], axis=1, initial=0.0)
+    plain, reversed_ = ~others[:-1] & ~others[1:], cosines < -REVERSAL
+    kinked = chain.joined & plain & ~reversed_
+    tangent, share, corner = _passed(chain, kinked, blended[:-1], kinks, half, reached, rule)
+    parabolic = chain.joined & blended[:-1] & ~tangent & ~(plain & reversed_)
+    ends = np.append(parabolic | (chain.broken[:-1] & blended[:-1]), blended[-1:])
+    # Where only X, Y, Z move, a blend halves the acceleration of the next block, too.
+    halved = ends | np.append(False, parabolic & plain)
+    shares = np.maximum(np.append(share, 0.0), np.append(0.0, share))
+    accelerations = chain.accelerations * (1.0 - shares) * np.where(halved, 0.5, 1.0)
+    followed = np.append(False, tangent)
+    tops = np.where(followed, np.minimum(tops, chain.lengths / (OVER_A_CYCLE * rule.cycle)), tops)
+    speeds = np.minimum(speeds, tops)
+    caps = np.zeros(len(speeds))
+    caps[:-1] = np.where(tangent, np.minimum(np.minimum(tops[:-1], tops[1:]), corner), 0.0)
+    onsets = np.zeros(len(speeds))
+    onsets[:-1] = np.where(parabolic, _onsets(chain, speeds, accelerations, half), 0.0)
+    # A full stop ends on a servo cycle: half a cycle on average.
+    stops = np.append(~tangent & ~parabolic, True)
+    return Passing(speeds, accelerations, caps, onsets, np.where(stops, rule.cycle / 2.0, 0.0), np.zeros(len(speeds)))
+
+
+def _passed(
+    chain: Chain, plain: Mask, blended: Mask, kinks: Floats, half: Floats, reached: Floats, rule: Rule
+) -> tuple[Mask, Floats, Floats]:
+    """Return which corners (m - 1,) LinuxCNC passes at speed, the share of acceleration that costs, and the speed."""
+    smooth = plain & (kinks < rule.kink)
+    kinked = reached * rule.kink / np.where(kinks > 0.0, kinks, 1.0)
+    sines = np.sin(np.arccos(half))
+    tolerances = chain.tolerances[:-1]
+    shorter = np.minimum(chain.lengths[:-1], chain.lengths[1:]) / 2.0
+    reach = np.minimum(tolerances * half / np.maximum(1.0 - sines, 1e-12), shorter)
+    weaker = np.minimum(chain.accelerations[:-1], chain.accelerations[1:])
+    arc = np.sqrt(weaker * ARC_SHARE * reach * sines / np.maximum(half, 1e-9))
+    peaks = np.sqrt(chain.accelerations / 2.0 * chain.lengths)
+    rounded = 2.0 * np.sqrt(chain.accelerations[:-1] / 2.0 * tolerances / np.maximum(half, 1e-9))
+    parabola = sines * np.minimum(np.minimum(peaks[:-1], peaks[1:]), np.minimum(reached, rounded)) / 2.0
+    arced = plain & ~smooth & blended & (np.maximum(kinked, arc) > parabola)
+    share = np.where(smooth, kinks, np.where(plain & (arced | ~blended) & ~(arced & (arc > kinked)), rule.kink, 0.0))
+    return smooth | arced, share, np.where(smooth, reached, np.minimum(np.maximum(kinked, arc), reached))
+
+
+def _onsets(chain: Chain, speeds: Floats, accelerations: Floats, half: Floats) -> Floats:
+    """Return the path speed (m - 1,) below which a braking block lets the next one begin."""
+    peaks = np.minimum(np.sqrt(accelerations * chain.lengths), speeds)
+    first, second = peaks[:-1], peaks[1:]
+    longest = np.minimum(chain.lengths[:-1] / first, chain.lengths[1:] / second)
+    span = np.minimum(longest, np.maximum(first / accelerations[:-1], second / accelerations[1:]))
+    onsets = np.minimum(first, span * accelerations[:-1])
+    rounded = 2.0 * np.sqrt(accelerations[:-1] * chain.tolerances[:-1] / np.where(half > 0.0, half, 1.0))
+    bounded = half > math.cos(math.pi / 2.0 - 1e-3)
+    limited: Floats = np.where(bounded, np.minimum(onsets, rounded), onsets)
+    return limited
