@@ -17,7 +17,7 @@ from post.scan import Words, extended_addresses, letter_of, shown_letter
 from post.source import Bytes, Source
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import InputFault, ProgramRefused
-from tapelayer.motion.trajectory import Kind
+from tapelayer.motion.trajectory import ON_THE_FLY, Kind
 
 # Meanings of G words, and their groups of which a block has one word each: action, distance, feed mode, plane, corners.
 _RAPID, _LINEAR, _CLOCKWISE, _COUNTERCLOCKWISE, _DWELL, _SET = range(1, 7)
@@ -48,7 +48,8 @@ class Blocks:
         sets: (lines,) whether axis words set the present position.
         planes: (n,) plane of circular blocks: 0 XY, 1 ZX, 2 YZ.
         offsets: centre of each circular block from its beginning along x, y, z: (n,) each, NaN where not written.
-        tolerances: (n,) metres by which the block's end may be rounded off, 0 where the control stops there exactly.
+        tolerances: (n,) metres by which the block's end may be rounded off, 0 where the control stops there exactly; for
+            a switching word as in a trajectory.
         axes: indices of the words of each axis address.
         letters: one byte for each axis address, as in the words.
     """
@@ -97,7 +98,7 @@ def blocks_of(source: Source, words: Words, controller: Controller) -> Blocks:
     mode = _held(action, np.isin(action, _MODES), 0)
     moves = has_axis & ~dwells & ~sets
     circular = moves & (mode >= _CLOCKWISE) & (mode <= _COUNTERCLOCKWISE)
-    events, ends, axis_output = _switching(words, controller, arguments, used)
+    events, flying, ends, axis_output = _switching(words, controller, arguments, used)
     used[codes.dwell_address] |= dwells
     used[controller.feed.address] |= ~dwells
     if controller.time.tolerance_address:
@@ -148,7 +149,11 @@ def blocks_of(source: Source, words: Words, controller: Controller) -> Blocks:
         sets=sets,
         planes=_held(plane, plane > 0, _XY)[rows] - np.uint8(_XY),
         offsets=offsets,
-        tolerances=_tolerances(words, controller, groups[_CORNERS], arguments)[rows],
+        tolerances=np.where(
+            kinds == Kind.SWITCH,
+            np.where(flying, ON_THE_FLY, 0.0),
+            _tolerances(words, controller, groups[_CORNERS], arguments),
+        )[rows],
         axes=axes,
         letters=letters,
     )
@@ -270,8 +275,8 @@ def _tolerances(
 
 def _switching(
     words: Words, controller: Controller, arguments: Mapping[str, Floats], used: Mapping[str, Mask]
-) -> tuple[NDArray[np.uint8], Mask, Mask]:
-    """Return each line's event (lines,), where the program ends, and where a word outputs axes.
+) -> tuple[NDArray[np.uint8], Mask, Mask, Mask]:
+    """Return each line's event (lines,), where it lets motion go on, where the program ends, and where it outputs axes.
 
     The arguments of those words are marked as used.
     """
@@ -292,10 +297,12 @@ def _switching(
     ends, axis_output = np.zeros(words.line_count, dtype=bool), np.zeros(words.line_count, dtype=bool)
     ends[lines[known]] = True
     events = np.zeros(words.line_count, dtype=np.uint8)
+    flying = np.zeros(words.line_count, dtype=bool)
     for resting in (False, True):
         for event, text in controller.event_words(resting).items():
             here = standing(text)
             events[lines[here]] = event
+            flying[lines[here]] |= not resting
             known |= here
     for text in {axis.word for axis in controller.axes} - {""}:
         here = standing(text)
@@ -303,7 +310,7 @@ def _switching(
         known |= here
     for word in m_words[~known].tolist():
         words.fault(word, f"M{words.values[word]:g} is no word of controller {controller.name}")
-    return events, ends, axis_output
+    return events, flying, ends, axis_output
 
 
 def _held(values: NDArray[np.uint8], given: Mask, initial: int) -> NDArray[np.uint8]:

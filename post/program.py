@@ -302,6 +302,7 @@ def _rows(
     code[layout.outputs & ~layout.plain] = text(output_word)
     switches = np.flatnonzero(trajectory.kinds[blocks] == Kind.SWITCH)
     at_rest = _at_rest(layout, trajectory.events[blocks], switches)
+    at_rest |= trajectory.tolerances[blocks[switches]] == 0.0
     events = trajectory.events[blocks[switches]]
     for resting in (False, True):
         event_words = controller.event_words(resting)

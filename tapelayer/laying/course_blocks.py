@@ -7,16 +7,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tapelayer.arrays import Floats, Ints
+from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.laying.cut_assignment import TOUCH
 from tapelayer.laying.driven_course import DrivenCourse
+from tapelayer.laying.linearisation import Poses
 from tapelayer.laying.settings import Setup
-from tapelayer.laying.tape_plan import Step, TapePlan
+from tapelayer.laying.tape_plan import KnifeSteps, Step, TapePlan
 from tapelayer.machines import gantry
 from tapelayer.machines.machine import Axis, Machine
+from tapelayer.motion.corners import Rule
 from tapelayer.motion.planned_blocks import PlannedBlocks, rapid_blocks
-from tapelayer.motion.stroke import Stroke, stroke_blocks
+from tapelayer.motion.stroke import Pass, Stroke, stroke_blocks
 from tapelayer.motion.time_law import Limits, at_speed
 from tapelayer.motion.trajectory import Event
 from tapelayer.units import MM
@@ -41,12 +44,14 @@ class LayingTask:
         machine: the gantry.
         tape: the stations of the courses on the tape, and the knives' steps.
         link_height: value of axis z while linking from course to course, metres.
+        rule: how the control turns blocks into motion.
     """
 
     setup: Setup
     machine: Machine
     tape: TapePlan
     link_height: float
+    rule: Rule
 
     @cached_property
     def limits(self) -> Limits:
@@ -139,7 +144,8 @@ def course_blocks(task: LayingTask, course: int, driven: DrivenCourse, begin: Fl
         begin: (k,) joint values after the previous course; those of `start_of` for the first course.
     """
     tape, parts = task.tape, []
-    joints = _joints(task, course, driven, begin)
+    laid = driven.laid(task.setup, _required(task, course, driven))
+    joints = _joints(task, course, driven, laid, begin)
     approach = task.lifted(joints[0])
     approach[task.u], approach[task.knives] = begin[task.u], begin[task.knives]
     # Before the first course no block has stated the axes' positions.
@@ -147,7 +153,7 @@ def course_blocks(task: LayingTask, course: int, driven: DrivenCourse, begin: Fl
     link = _link(task, at, approach)
     sweeping = task.sweeping(course)
     if sweeping:
-        stroke = Stroke(np.vstack([at, link]), np.zeros(len(link) + 1), np.zeros(len(link) + 1))
+        stroke = Stroke.through(np.vstack([at, link]))
     else:
         rapids = rapid_blocks(at, link, task.limits)
         parts.append(rapids.stating(0, 1 << task.machine.column("z")).stating(1, task.every_axis))
@@ -163,7 +169,7 @@ def course_blocks(task: LayingTask, course: int, driven: DrivenCourse, begin: Fl
     threading = tape.threading[course]
     stroke = _fed(task, stroke, threading, float(tape.threaded[course]))
     stroke = _fed(task, stroke, threading[1:].repeat(2), float(tape.begins[course]))
-    parts.append(_laid(task, course, driven, joints, stroke))
+    parts.append(_laid(task, course, driven, laid.arc_lengths, joints, stroke))
     if sweeping:
         # Without rapids, the first block that moves by a written digit states every axis.
         moves = np.max(np.abs(np.diff(parts[0].joints, axis=0, prepend=begin[None])), axis=1) > WRITTEN_MOVE
@@ -171,14 +177,23 @@ def course_blocks(task: LayingTask, course: int, driven: DrivenCourse, begin: Fl
     return PlannedBlocks.joined(parts)
 
 
-def _joints(task: LayingTask, course: int, driven: DrivenCourse, begin: Floats) -> Floats:
+def _required(task: LayingTask, course: int, driven: DrivenCourse) -> Floats:
+    """Return the arc lengths (n,) in metres at which a block must end: where knives or auxiliary roller switch."""
+    steps, rows = task.tape.steps, slice(*task.tape.laying[course])
+    done = steps.u[rows][steps.kinds[rows] != Step.FEED]
+    places = driven.places(np.unique(done) - float(task.tape.stations[course]) - task.tape.head.knife_to_nip)
+    lag = task.setup.head.aux_roller_lag_mm * MM
+    return np.append(places, lag) if lag < driven.length else places
+
+
+def _joints(task: LayingTask, course: int, driven: DrivenCourse, laid: Poses, begin: Floats) -> Floats:
     """Return all axes (n, k) at the block ends of a course: pose with c by whole turns, tape fed, knives at 0."""
-    laid, c = driven.laid, task.machine.column("c")
+    c = task.machine.column("c")
     joints = np.zeros((len(laid.arc_lengths), len(begin)))
     joints[:, task.pose] = laid.joints
     joints[:, c] += _whole_turns(laid.joints[:, 3], begin[c], task.machine.axis("c"))
     fed = float(task.tape.stations[course]) + laid.arc_lengths + task.tape.head.knife_to_nip
-    joints[:, task.u] = fed - driven.shortened
+    joints[:, task.u] = fed - driven.shortened(laid)
     return joints
 
 
@@ -217,13 +232,16 @@ def _fed(task: LayingTask, stroke: Stroke, rows: Ints, target: float) -> Stroke:
     return stroke.to(joints, at_speed(abs(float(joints[u] - stroke.end[u])), task.thread_speed))
 
 
-def _laid(task: LayingTask, course: int, driven: DrivenCourse, joints: Floats, stroke: Stroke) -> PlannedBlocks:
+def _laid(
+    task: LayingTask, course: int, driven: DrivenCourse, arcs: Floats, joints: Floats, stroke: Stroke
+) -> PlannedBlocks:
     """Return the blocks of a stroke that has threaded the tape and goes down, along the course, off its end and up.
 
     Args:
         task: everything that the courses share.
         course: index of the course.
         driven: the course as the gantry drives it.
+        arcs: (n,) metres along the course at its block ends.
         joints: (n, k) joint values at its block ends, knives not yet set.
         stroke: the stroke up to the approach point.
     """
@@ -231,7 +249,7 @@ def _laid(task: LayingTask, course: int, driven: DrivenCourse, joints: Floats, s
     lag = head.aux_roller_lag_mm * MM
     run_out = lag if head.run_out == "tangent" else 0.0
     roller_down = min(lag, length + run_out)
-    laying = _laying(task, course, joints, driven.laid.arc_lengths, roller_down)
+    laying = _laying(task, course, joints, arcs, roller_down)
     touch = stroke.end.copy()
     touch[task.pose], touch[task.knives] = joints[0, task.pose], laying.joints[0, task.knives]
     stroke = stroke.to(touch, at_speed(task.lift, task.lay_speed))
@@ -241,7 +259,7 @@ def _laid(task: LayingTask, course: int, driven: DrivenCourse, joints: Floats, s
     last = len(stroke) - 1
     stroke = task.switching(task.switching(stroke, Event.HEATER_OFF), Event.SHOE_UP)
     leave = stroke.end
-    for distance in sorted({max(roller_down - length, 0.0), run_out}):
+    for distance in sorted({max(roller_down - length, 0.0), run_out} - {0.0}):
         stroke = stroke.to(task.moved(leave, driven.out, distance), at_speed(distance, task.lay_speed), length)
     if lag > length and run_out:
         stroke = task.switching(stroke, Event.ROLLER_DOWN, len(stroke) - 2)
@@ -250,7 +268,7 @@ def _laid(task: LayingTask, course: int, driven: DrivenCourse, joints: Floats, s
     if course == len(tape) - 1:
         stroke = _fed(task, stroke, np.array([tape.laying[-1, 1], len(tape.steps)]), float(stroke.end[task.u]))
     times = stroke.times(task.limits)
-    return stroke_blocks(_heated(task, stroke, times, first, last), times)
+    return stroke_blocks(_heated(task, stroke, times, first, last), times, task.rule.tolerance)
 
 
 def _laying(task: LayingTask, course: int, joints: Floats, arcs: Floats, roller_down: float) -> Stroke:
@@ -271,11 +289,10 @@ def _laying(task: LayingTask, course: int, joints: Floats, arcs: Floats, roller_
     near = np.rint(passed)
     passed = np.where(np.abs(fed[near.astype(np.int64)] - steps.u[rows]) <= TOUCH, near, passed)
     rests = (kinds == Step.MOVE) | (kinds == Step.CUT)
-    moving = rests | ((kinds == Step.FEED) & (passed != np.rint(passed)))
     lowered = np.interp([roller_down], arcs, ends) if roller_down <= arcs[-1] else np.zeros(0)
     ends = np.unique(np.append(ends, lowered))
-    nodes = np.concatenate([ends, passed[moving]])
-    doing = np.concatenate([np.full(len(ends), -1), rows[moving]])
+    nodes = np.concatenate([ends, passed[rests]])
+    doing = np.concatenate([np.full(len(ends), -1), rows[rests]])
     order = np.lexsort([doing, nodes])
     nodes, doing = nodes[order], doing[order]
 
@@ -285,7 +302,14 @@ def _laying(task: LayingTask, course: int, joints: Floats, arcs: Floats, roller_
     travelled = arcs[before] + share * (arcs[before + 1] - arcs[before])
     done = int(task.tape.laying[course, 0]) + np.searchsorted(passed, nodes)
     values[:, task.knives] = np.where((doing >= 0)[:, None], steps.poses[doing], steps.at(values[:, task.u], done))
-    stroke = Stroke(values, np.append(0.0, at_speed(np.diff(travelled), task.lay_speed)), travelled)
+    switched = (doing < 0) & np.isin(nodes, passed) | np.isin(nodes, lowered)
+    # The speed of the tape while a knife sweeps in passing: from the node of its word down to that of its word up.
+    swept = np.full(len(nodes), task.lay_speed)
+    for down, up, speed in _swept(steps, rows, passed):
+        within = (nodes > down) & (nodes <= up) if speed else np.zeros(len(nodes), np.bool_)
+        swept[within] = np.minimum(swept[within], speed)
+    least = _seconds(task, values, travelled, switched, swept)
+    stroke = Stroke(values, least, travelled, _passed(task, nodes, travelled, rows, passed))
     for row, place in zip(rows, passed, strict=True):
         if event := task.knife_event(row):
             done_before = (nodes < place) | ((nodes == place) & (doing <= row))
@@ -293,6 +317,75 @@ def _laying(task: LayingTask, course: int, joints: Floats, arcs: Floats, roller_
     for node in np.searchsorted(nodes, lowered).tolist():
         stroke = task.switching(stroke, Event.ROLLER_DOWN, node)
     return stroke
+
+
+def _swept(steps: KnifeSteps, rows: Ints, places: Floats) -> list[tuple[float, float, float]]:
+    """Return where knives go down and up among (r,) rows of the plan, at their places (r,), and the tape's speed.
+
+    A knife that is down when the rows begin is so from place -1, one that stays down to a place beyond all.
+    """
+    swept = []
+    for knife in (1, 2):
+        own = np.flatnonzero((steps.knives[rows] == knife) & np.isin(steps.kinds[rows], (Step.DOWN, Step.UP)))
+        kinds, at, speeds = steps.kinds[rows[own]], places[own], steps.speeds[rows[own]]
+        if len(own) and kinds[0] == Step.UP:
+            swept.append((-1.0, float(at[0]), float(speeds[0])))
+        for index in np.flatnonzero(kinds == Step.DOWN).tolist():
+            up = float(at[index + 1]) if index + 1 < len(at) else math.inf
+            swept.append((float(at[index]), up, float(speeds[index])))
+    return swept
+
+
+def _passed(task: LayingTask, nodes: Floats, arcs: Floats, rows: Ints, places: Floats) -> NDArray[np.uint8]:
+    """Return how the control passes each node (n,) of a course.
+
+    It goes on where the tape does. It stops for the ends of a sweep that has no run-up, and where the tape rests.
+
+    Args:
+        task: everything that the courses share.
+        nodes: (n,) places of the nodes, in block ends passed.
+        arcs: (n,) metres along the course at the nodes.
+        rows: (r,) rows of the plan that are done on the course.
+        places: (r,) their places.
+    """
+    going = np.diff(arcs) > 0.0
+    passed = np.zeros(len(nodes), np.uint8)
+    passed[1:-1][going[:-1] & going[1:]] = Pass.ON
+    steps = task.tape.steps
+    # LinuxCNC gives a block before an exact stop its whole acceleration, and the one before that only half, so that
+    # the two together would go too fast: there a word is the better stop.
+    stop = Pass.WAIT if task.rule.corner == "linuxcnc" else Pass.STOP
+    switching = np.isin(steps.kinds[rows], (Step.DOWN, Step.UP)) & (steps.speeds[rows] == 0.0)
+    at = places[switching]
+    begins = places[switching & (steps.kinds[rows] == Step.DOWN)]
+    inner = passed == Pass.ON
+    passed[inner & np.isin(nodes, at)] = Pass.STOP
+    passed[inner & np.isin(nodes, begins)] = stop
+    passed[-1] = stop
+    return passed
+
+
+def _seconds(task: LayingTask, joints: Floats, arcs: Floats, borders: Mask, fastest: Floats) -> Floats:
+    """Return the least seconds (n,) of the motion to each node: at laying speed, or evenly as fast as can be held.
+
+    Args:
+        task: everything that the courses share.
+        joints: (n, k) at the nodes.
+        arcs: (n,) metres along the course.
+        borders: (n,) nodes between which the speed is even.
+        fastest: (n,) m/s, greatest speed on the way to each node.
+    """
+    steps, lengths = np.diff(joints, axis=0), np.diff(arcs)
+    slides = np.linalg.norm(steps[:, task.pose[:3]], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        accelerations = slides / np.max(np.abs(steps) / task.limits.acceleration, axis=1)
+        held = task.rule.held(slides, accelerations) * lengths / slides
+    stretch = np.cumsum(borders[:-1])
+    slowest = np.full(stretch[-1] + 1, task.lay_speed)
+    np.minimum.at(slowest, stretch, fastest[1:])
+    moving = np.flatnonzero((lengths > 0.0) & np.isfinite(held))
+    np.minimum.at(slowest, stretch[moving], held[moving])
+    return np.append(0.0, lengths / slowest[stretch])
 
 
 def _heated(task: LayingTask, stroke: Stroke, times: Floats, first: int, last: int) -> Stroke:

@@ -60,12 +60,23 @@ def _cots(head: Head, numbers: Sequence[int], lengths: Floats, cut_angles: Float
 
 
 class _Sweep(NamedTuple):
-    """A cut before a knife is assigned: cot(alpha), half its run in u (0 if square), its starting side, the blade."""
+    """A cut before a knife is assigned.
+
+    Attributes:
+        cot: cotangent of its angle.
+        reach: how far from the centre line the sweep starts and ends.
+        half: half its run in u, 0 if square.
+        start: its starting side.
+        blade: angle of the blade.
+        speed: of the tape at which it is swept in passing; 0 where the tape stops for its ends.
+    """
 
     cot: float
+    reach: float
     half: float
     start: int
     blade: float
+    speed: float
 
 
 class _Course(NamedTuple):
@@ -92,9 +103,12 @@ class AssignedCut(NamedTuple):
     begin: float
     end: float
     start: int
+    reach: float
     blade: float
+    speed: float
     left_u: float
     left_side: int
+    left_reach: float
     left_blade: float
     earlier: AssignedCut | None
 
@@ -105,6 +119,7 @@ class _State(NamedTuple):
     Attributes:
         free: u from which each knife is free.
         sides: side of the tape on which each stands.
+        reaches: how far from the centre line each stands; NaN before the first sweep, which it waits for in its place.
         blades: angle of each blade; NaN before the first sweep, for which the blade is set up as needed.
         cost: waits, metres of feed that raised moves lack, raised crossings, sweeps by knife 2.
         made: the last sweep.
@@ -112,6 +127,7 @@ class _State(NamedTuple):
 
     free: tuple[float, float]
     sides: tuple[int, int]
+    reaches: tuple[float, float]
     blades: tuple[float, float]
     cost: tuple[int, float, int, int]
     made: AssignedCut | None
@@ -152,7 +168,7 @@ class Assignment(NamedTuple):
     made: list[AssignedCut]
 
 
-_INITIAL = _State((0.0, 0.0), (LEFT, RIGHT), (math.nan, math.nan), (0, 0.0, 0, 0), None)
+_INITIAL = _State((0.0, 0.0), (LEFT, RIGHT), (math.nan, math.nan), (math.nan, math.nan), (0, 0.0, 0, 0), None)
 
 
 def assign_stations(
@@ -170,7 +186,8 @@ def assign_stations(
         for length, wrap, *ends in zip(lengths, wraps[:, 1], cut_angles, cots, strict=True)
     ]
     # A knife that finished its sweep this much tape ago has all the feed it needs for any sweep to come.
-    past = float(np.max(np.abs(cots))) * head.half_sweep + head.knife_pitch + MOVE_FEED
+    halves = [sweep.half for course in courses for sweep in (course.lead, course.trail)]
+    past = max(halves) + head.knife_pitch + MOVE_FEED
     states: Sequence[_State] = [_INITIAL]
     stations: list[float] = []
     rolls: list[int] = []
@@ -228,10 +245,10 @@ def assign_stations(
 
 
 def _sweep(head: Head, angle: float, cot: float) -> _Sweep:
-    half, blade = head.half_sweep * abs(cot), angle - math.pi / 2.0
-    if 2.0 * half <= SAME_LINE:
-        return _Sweep(cot, 0.0, EITHER, blade)
-    return _Sweep(cot, half, RIGHT if cot > 0.0 else LEFT, blade)
+    reach, blade = head.reach(cot), angle - math.pi / 2.0
+    if 2.0 * head.half_sweep * abs(cot) <= SAME_LINE:
+        return _Sweep(cot, head.half_sweep, 0.0, EITHER, blade, 0.0)
+    return _Sweep(cot, reach, reach * abs(cot), RIGHT if cot > 0.0 else LEFT, blade, head.sweep_speed(cot))
 
 
 def _following(
@@ -275,23 +292,27 @@ def _swept(states: Sequence[_State], station: float, sweep: _Sweep, roll: _Roll)
             if begin < max(free, roll.floor) - TOUCH or end > roll.limit:
                 continue
             begin = max(begin, free, roll.floor)
-            side, blade = state.sides[knife], state.blades[knife]
+            side, reach, blade = state.sides[knife], state.reaches[knife], state.blades[knife]
             start = sweep.start or side
             if math.isnan(blade):
-                blade = sweep.blade
+                reach, blade = sweep.reach, sweep.blade
             crosses = start != side
-            feed = begin - free if crosses or blade != sweep.blade else MOVE_FEED
+            moves = crosses or blade != sweep.blade or reach != sweep.reach
+            feed = begin - free if moves else MOVE_FEED
             cost = (
                 state.cost[0] + (feed <= LEAST_FEED),
                 state.cost[1] + max(0.0, MOVE_FEED - feed),
                 state.cost[2] + crosses,
                 state.cost[3] + knife,
             )
-            made = AssignedCut(knife, begin, end, start, sweep.blade, free, side, blade, state.made)
+            made = AssignedCut(
+                knife, begin, end, start, sweep.reach, sweep.blade, sweep.speed, free, side, reach, blade, state.made
+            )
             after.append(
                 _State(
                     _with(state.free, knife, end),
                     _with(state.sides, knife, -start),
+                    _with(state.reaches, knife, sweep.reach),
                     _with(state.blades, knife, sweep.blade),
                     cost,
                     made,
@@ -323,8 +344,8 @@ def _distinct(states: Sequence[_State], past: float) -> Sequence[_State]:
     cheapest: dict[tuple[object, ...], _State] = {}
     for state in states:
         known = tuple(
-            (side, free, blade) if free > past else (side,)
-            for side, free, blade in zip(state.sides, state.free, state.blades, strict=True)
+            (side, free, reach, blade) if free > past else (side,)
+            for side, free, reach, blade in zip(state.sides, state.free, state.reaches, state.blades, strict=True)
         )
         if known not in cheapest or state.cost < cheapest[known].cost:
             cheapest[known] = state

@@ -19,6 +19,8 @@ class Samples(SampleTable):
         courses: (n,) index of the course.
         arc_lengths: (n,) metres along the course, from the tape fed.
         times: (n,) seconds from the program's start.
+        asked: (n,) the same as the words ask for it, without ramps.
+        speeds: (n,) m/s of the tape as the control feeds it.
         nips: (n, 3) the course's point under the nip, `machine` axes, metres.
         normal_errors: (n,) contact off the course along the normal, metres.
         lateral_errors: (n,) contact off the course along the surface, across the travel, metres.
@@ -36,6 +38,8 @@ class Samples(SampleTable):
     courses: Ints
     arc_lengths: Floats
     times: Floats
+    asked: Floats
+    speeds: Floats
     nips: Floats
     normal_errors: Floats
     lateral_errors: Floats

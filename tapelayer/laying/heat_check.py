@@ -43,9 +43,10 @@ def heated_too_long(
     slides = steps[:, [trajectory.column(name) for name in "xyz"]]
     lengths = np.maximum(steps[:, trajectory.column("u")], np.sqrt(np.sum(slides * slides, axis=1)))
     needed = np.maximum(lengths / lay_speed, np.max(steps / axis_speeds, axis=1)) * (1.0 + SLOWER)
-    excess = lit * (trajectory.durations - needed)
+    # By the seconds that the words ask for: how the control passes from block to block is judged by its stops.
+    excess = lit * (trajectory.requested - needed)
     # Where the heater is off, so large a loss that no stretch reaches across it.
-    heated = np.cumsum(np.where(lit > HELD, excess, -1.0 - trajectory.duration))
+    heated = np.cumsum(np.where(lit > HELD, excess, -1.0 - np.sum(trajectory.requested)))
     before = np.minimum.accumulate(np.append(0.0, heated[:-1]))
     longer: Floats = np.maximum(heated - before, 0.0)
     return longer

@@ -190,6 +190,8 @@ class Inspector(Judge[Evidence]):
             courses=places.courses,
             arc_lengths=arc_lengths,
             times=places.times,
+            asked=places.asked,
+            speeds=places.feeds,
             nips=points,
             normal_errors=dot(error, normals),
             lateral_errors=dot(error, square),
@@ -255,9 +257,9 @@ class Inspector(Judge[Evidence]):
 
     @staticmethod
     def _lay_speeds(samples: Samples, doubt: float) -> Floats:
-        """Return the nip's speed (n,) over each block, less `doubt` metres, m/s, at the block's end; elsewhere 0."""
+        """Return the speed (n,) that words ask of the nip in each block, less `doubt` metres, m/s, at its end; else 0."""
         ends = np.flatnonzero(samples.block_ends)
-        distances, spans = np.diff(samples.arc_lengths[ends]), np.diff(samples.times[ends])
+        distances, spans = np.diff(samples.arc_lengths[ends]), np.diff(samples.asked[ends])
         going = (np.diff(samples.courses[ends]) == 0) & (distances > 0.0)
         speeds = np.zeros(len(samples.times))
         with np.errstate(divide="ignore", invalid="ignore"):

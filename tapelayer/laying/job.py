@@ -108,7 +108,8 @@ class Job(MachineJob[None, Evidence]):
         """
         steps.begin(PLANNING.name, self.parts)
         exclusive = frozenset(joint for axis in self.controller.axes if axis.alone for joint in axis.joints)
-        return None, plan(self.courses, self.setup, self.machine, exclusive, steps.tick)
+        rule = self.controller.rule(self.machine.names)
+        return None, plan(self.courses, self.setup, self.machine, exclusive, steps.tick, rule)
 
     def basis(self, steps: Steps) -> None:
         """Return nothing: a program is judged against the courses themselves."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +12,16 @@ from tapelayer.errors import PoseUndefined
 from tapelayer.geometry.curves import Curve
 from tapelayer.geometry.toolpath import Toolpath
 from tapelayer.machines import gantry
+from tapelayer.vectors import ramp
 
-# A block is compared with the course at these fractions; its ends are on the course.
-TRIED = (np.arange(5) + 1.0) / 6.0
-# Blocks are laid out for part of the tolerance, so that few have to be split afterwards.
-LAYOUT_SHARE = 0.8
+# A block is compared with the course at these fractions: its ends lie as far outside the curve as its middle inside.
+TRIED = np.arange(6) / 6.0
+# Blocks are laid out for part of the tolerance, so that few have to be laid out again.
+LAYOUT_SHARE = 0.95
+# Where blocks are off, the layout is made this often with more of them, then they are split.
+LAYOUTS = 6
+# Blocks per metre where nothing bends, so that they are of one length.
+LEAST_LOAD = 1e-9
 SHORTEST_BLOCK = 1e-6
 
 
@@ -136,38 +142,88 @@ def _solved(
     return joints, gantry.wrap(joints, tangents)
 
 
-def block_ends(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Poses:
+def block_ends(
+    motion: CourseMotion, tolerance: float, axis_tolerance: float, required: Floats | tuple[()] = ()
+) -> Poses:
     """Return the poses at the block ends of a course, from its start to its end.
+
+    Between required ends the blocks are as long and as equal as the tolerances allow, wherever that puts their ends:
+    each other end stands outside the curve by as much as the middles of the blocks beside it stand inside.
 
     Args:
         motion: the course.
-        tolerance: largest deviation of the contact from the course between block ends, metres.
+        tolerance: largest deviation of the contact from the course, metres.
         axis_tolerance: largest deviation of the roller axis from its direction, radians.
+        required: arc lengths in metres at which a block must end.
 
     Raises:
         PoseUndefined: a point has no roller pose, or the tolerances cannot be kept by any block.
     """
-    ends = _laid_out(motion, tolerance, axis_tolerance)
-    poses = motion.poses(ends)
-    while True:
-        off = ~(_excess(motion, poses, tolerance, axis_tolerance) <= 1.0)
+    knots = motion.curve.knots
+    stops = np.unique(np.concatenate([knots[:1], np.asarray(required, dtype=np.float64), knots[-1:]]))
+    # Balanced chords may be twice as far from the curve.
+    load = _chord_load(motion, 2.0 * LAYOUT_SHARE * tolerance, 2.0 * LAYOUT_SHARE * axis_tolerance) + LEAST_LOAD
+    ends = _laid_out(knots, load, stops)
+    for layout in itertools.count(1):
+        poses = _balanced(motion, ends, stops)
+        excess = _excess(motion, poses, tolerance, axis_tolerance)
+        off = ~(excess <= 1.0)
         if not np.any(off):
             return poses
-        poses = motion.poses(_split(motion, poses.arc_lengths, off))
+        if layout < LAYOUTS and np.all(np.isfinite(excess)):
+            load = load * _heavier(knots, ends, np.where(off, np.sqrt(excess) * 1.02, 1.0))
+            ends = _laid_out(knots, load, stops)
+        else:
+            ends = _split(motion, ends, off)
+    raise AssertionError("unreachable: every layout is tried")
 
 
-def _laid_out(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Floats:
-    """Return block ends by the chord-error law: over a length h the error is (h^2 / 8) times the second derivative."""
-    knots = motion.curve.knots
-    share = _chord_load(motion, tolerance * LAYOUT_SHARE, axis_tolerance * LAYOUT_SHARE) * np.diff(knots)
-    pieces = np.maximum(np.ceil(share), 1.0).astype(np.int64)
-    first = np.repeat(np.arange(len(pieces)), pieces)
-    part = (np.arange(len(first)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[first]
-    candidates = np.append(knots[first] + part * np.diff(knots)[first], knots[-1])
-    load = np.concatenate([[0.0], np.cumsum((share / pieces)[first])])
-    # A block ends at the last candidate before its load reaches 1.
-    spent = np.floor(load[1:-1])
-    return np.concatenate([knots[:1], candidates[1:-2][spent[1:] > spent[:-1]], knots[-1:]])
+def usual_block(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> float:
+    """Return the median length in metres of the blocks that keep the tolerances along a course; arguments as above."""
+    load = _chord_load(motion, 2.0 * LAYOUT_SHARE * tolerance, 2.0 * LAYOUT_SHARE * axis_tolerance) + LEAST_LOAD
+    return 1.0 / float(np.median(load))
+
+
+def _laid_out(knots: Floats, load: Floats, stops: Floats) -> Floats:
+    """Return block ends that share the load evenly between each of the stops and the next.
+
+    Args:
+        knots: (n,) metres along the course.
+        load: (n - 1,) blocks needed per metre between them.
+        stops: (m,) metres, rising: ends that are given.
+    """
+    carried = np.append(0.0, np.cumsum(load * np.diff(knots)))
+    at = np.interp(stops, knots, carried)
+    pieces = np.maximum(np.ceil(np.diff(at) - 1e-6), 1.0).astype(np.int64)
+    gap, number = ramp(pieces)
+    ends = np.interp(at[gap] + np.diff(at)[gap] * number / pieces[gap], carried, knots)
+    ends[number == 0] = stops[:-1]
+    return np.append(ends, stops[-1])
+
+
+def _heavier(knots: Floats, ends: Floats, factors: Floats) -> Floats:
+    """Return by how much (n - 1,) the load between knots (n,) grows, for the factors (m - 1,) of blocks (m,) `ends`."""
+    middles = (knots[1:] + knots[:-1]) / 2.0
+    grown = factors[np.clip(np.searchsorted(ends, middles) - 1, 0, len(factors) - 1)]
+    at = np.clip(np.searchsorted(knots, (ends[1:] + ends[:-1]) / 2.0) - 1, 0, len(grown) - 1)
+    np.maximum.at(grown, at, factors)
+    return grown
+
+
+def _balanced(motion: CourseMotion, ends: Floats, stops: Floats) -> Poses:
+    """Return the poses at block ends (n,), moved out until the blocks' middles are off the curve no more than they.
+
+    At the required ends (m,) the tape fed stays exact.
+    """
+    poses = motion.poses(ends)
+    if len(ends) < 3:
+        return poses
+    middles = motion.poses((ends[1:] + ends[:-1]) / 2.0)
+    joints, wrap, free = poses.joints.copy(), poses.wrap.copy(), ~np.isin(ends[1:-1], stops)
+    for values, inner, moved in ((joints, middles.joints, True), (wrap, middles.wrap, free)):
+        sags = inner - (values[1:] + values[:-1]) / 2.0
+        values[1:-1] += np.where(moved, (sags[1:] + sags[:-1]) / 4.0, 0.0)
+    return Poses(ends, joints, wrap)
 
 
 def _chord_load(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> Floats:

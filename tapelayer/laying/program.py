@@ -19,10 +19,15 @@ from tapelayer.laying.settings import Setup
 from tapelayer.laying.tape_plan import plan_tape
 from tapelayer.machines import gantry
 from tapelayer.machines.machine import Machine
+from tapelayer.motion.corners import Rule
 from tapelayer.motion.planned_blocks import PlannedBlocks
+from tapelayer.motion.time_law import timed
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.units import MM
+
+# A control that reaches every speed at once: for planning without one.
+AT_ONCE = Rule()
 
 
 def plan(
@@ -31,6 +36,7 @@ def plan(
     machine: Machine,
     exclusive: frozenset[str] = frozenset(),
     tick: Tick = silent,
+    rule: Rule = AT_ONCE,
 ) -> Trajectory:
     """Return the trajectory of a ply: every course approached, laid and left, its cuts made as they pass the knives.
 
@@ -40,6 +46,7 @@ def plan(
         machine: the gantry, with the setup's limits already in it.
         exclusive: blade axes (d, e) that the control turns only in blocks of their own.
         tick: called after every course.
+        rule: how the control turns blocks into motion.
 
     Raises:
         AxisBeyondTravel: a course needs an axis beyond its travel.
@@ -55,18 +62,18 @@ def plan(
         driven.append(driven_course(path, setup, lengths, radius))
         tick()
     tape = plan_tape(
-        head_of(setup, machine),
+        head_of(setup, machine, rule, float(np.median([one.usual_block(setup) for one in driven]))),
         [course.number for course in courses],
         np.array([one.length for one in driven]),
         np.array([course.cut_angles for course in courses]),
-        radius * np.array([one.laid.wrap[[0, -1]] for one in driven]),
+        radius * np.array([one.ends.wrap for one in driven]),
         frozenset(number for number, blade in ((1, "d"), (2, "e")) if blade in exclusive),
     )
     clearance = setup.process.link_clearance_mm
     clearance = setup.process.approach_mm if clearance is None else clearance
     least_link = _least_link(driven, setup, machine)
     link_height = max(least_link - clearance * MM, machine.axis("z").lower)
-    task = LayingTask(setup, machine, tape, link_height)
+    task = LayingTask(setup, machine, tape, link_height, rule)
     at, parts = start_of(task), []
     for course, one in enumerate(driven):
         parts.append(course_blocks(task, course, one, at))
@@ -80,7 +87,7 @@ def plan(
             f"{link_height / MM:g} mm, the edge of the rolled head is {(link_height - least_link) / MM:.3f} mm below "
             "the highest course point; lower the part with [part] l3_mm"
         )
-    return blocks.trajectory(machine.names, indices)
+    return timed(blocks.trajectory(machine.names, indices), task.limits, rule)
 
 
 def _least_link(driven: Sequence[DrivenCourse], setup: Setup, machine: Machine) -> float:
@@ -89,7 +96,7 @@ def _least_link(driven: Sequence[DrivenCourse], setup: Setup, machine: Machine) 
     lengths = gantry.lengths(machine)
     # Rolling the head lowers the edge of its roller by the half width, and raises it by the arm to the roll axis.
     half, arm = setup.tape.width_mm / 2 * MM, lengths.l6 - lengths.radius
-    starts, ends = np.array([one.laid.joints[[0, -1], 4] for one in driven]).T
+    starts, ends = np.array([one.ends.joints[:, 4] for one in driven]).T
     rolls = np.array([np.append(starts[0], ends[:-1]), starts])
     least = np.where(np.prod(rolls, axis=0) > 0.0, np.min(np.abs(rolls), axis=0), 0.0)
     rolled = np.clip(math.atan2(half, arm), least, np.max(np.abs(rolls), axis=0))

@@ -35,6 +35,8 @@ class SamplePlaces(Frozen):
         courses: (n,) index of the course, rising.
         blocks: (n,) index of the block.
         times: (n,) seconds from the program's start.
+        asked: (n,) the same as the words ask for it, without ramps.
+        feeds: (n,) m/s of the tape.
         joints: (n, k) joint values, metres and radians.
         ends: (n,) True at block ends and at each course's start.
     """
@@ -42,6 +44,8 @@ class SamplePlaces(Frozen):
     courses: Ints
     blocks: Ints
     times: Floats
+    asked: Floats
+    feeds: Floats
     joints: Floats
     ends: Mask
 
@@ -68,10 +72,17 @@ class SamplePlaces(Frozen):
         counts = steps + first
         block, number = ramp(counts)
         step = number + 1 - first[block]
-        times = np.where(step == steps[block], to[block], from_[block] + (to - from_)[block] * step / steps[block])
-        shares = np.clip((times - begins[block]) / (ends - begins)[block], 0.0, 1.0)
-        joints = trajectory.within(rows[block], shares)
-        return cls(courses[block], rows[block], times, joints, (step == 0) | (step == steps[block]))
+        # Even steps along a block, not in time, so that ramps leave no gap.
+        edges = (trajectory.fractions(rows, from_), trajectory.fractions(rows, to))
+        shares = edges[0][block] + (edges[1] - edges[0])[block] * step / steps[block]
+        shares = np.where(step == steps[block], edges[1][block], shares)
+        times = np.where(step == steps[block], to[block], trajectory.moments(rows[block], shares))
+        joints = trajectory.rounded(rows[block], shares)
+        requested = trajectory.requested
+        asked = np.cumsum(requested)[rows[block]] - (1.0 - shares) * requested[rows[block]]
+        feeds = trajectory.paces(rows[block], times) * distance[block]
+        edge = (step == 0) | (step == steps[block])
+        return cls(courses[block], rows[block], times, asked, feeds, joints, edge)
 
     def rows(self, course: int) -> slice:
         """Return the rows of the course with this index."""

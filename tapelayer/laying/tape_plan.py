@@ -51,6 +51,7 @@ class Cuts(Frozen):
         u: (c, 2) metres, u at the sweep's start and end.
         slides: (c, 2) metres, the slide (v or q) at the sweep's start and end.
         blades: (c,) radians, the blade (d or e) during the sweep.
+        speeds: (c,) m/s of the tape at which the sweep is made in passing, 0 where the tape stops for its ends.
     """
 
     stations: Floats
@@ -62,6 +63,7 @@ class Cuts(Frozen):
     u: Floats
     slides: Floats
     blades: Floats
+    speeds: Floats
 
     def __len__(self) -> int:
         """Return the number of cuts."""
@@ -102,6 +104,7 @@ class KnifeSteps(Frozen):
         kinds: (s,) `Step` of each row.
         knives: (s,) the knife that moves or switches, 0 for a FEED.
         poses: (s, 4) v, d, q, e after the row, in metres and radians.
+        speeds: (s,) m/s of the tape at which the sweep that the row begins or ends is made in passing; 0 for none.
         raised: (k,) increasing numbers of rows after which no knife is down; the first is 0, the last is s.
     """
 
@@ -109,6 +112,7 @@ class KnifeSteps(Frozen):
     kinds: NDArray[np.uint8]
     knives: Ints
     poses: Floats
+    speeds: Floats
     raised: Ints
 
     def __len__(self) -> int:
@@ -261,7 +265,7 @@ def plan_tape(
             f"{count} courses do not fit {lengths.shape} lengths, {cut_angles.shape} cut angles, {wraps.shape} wraps"
         )
     assignment = assign_stations(head, numbers, lengths, cut_angles, wraps)
-    cuts, moves = _work(head, assignment)
+    cuts, moves = _work(assignment)
     steps = _steps(head, cuts, moves, turning_at_rest)
     begins = assignment.stations + head.knife_to_nip - wraps[:, 0]
     ends = assignment.stations + lengths + head.knife_to_nip - wraps[:, 1]
@@ -289,13 +293,13 @@ def plan_tape(
     )
 
 
-def _work(head: Head, assignment: Assignment) -> tuple[Cuts, Moves]:
+def _work(assignment: Assignment) -> tuple[Cuts, Moves]:
     """Return the cuts with the sweeps that make them, and the raised moves between the sweeps."""
     count = len(assignment.made)
     ending, starting = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
     starting[assignment.course_cuts[:, 0]] = np.arange(len(assignment.stations))
     ending[assignment.course_cuts[:, 1]] = np.arange(len(assignment.stations))
-    side = np.array([made.start for made in assignment.made])
+    side = np.array([made.start * made.reach for made in assignment.made])
     cuts = Cuts(
         stations=assignment.cut_stations,
         angles=assignment.cut_angles,
@@ -304,20 +308,25 @@ def _work(head: Head, assignment: Assignment) -> tuple[Cuts, Moves]:
         starting=starting,
         knives=np.array([made.knife + 1 for made in assignment.made]),
         u=np.array([(made.begin, made.end) for made in assignment.made]),
-        slides=head.half_sweep * np.column_stack([side, -side]),
+        slides=np.column_stack([side, -side]),
         blades=np.array([made.blade for made in assignment.made]),
+        speeds=np.array([made.speed for made in assignment.made]),
     )
     moved = [
-        cut for cut, made in enumerate(assignment.made) if (made.left_side, made.left_blade) != (made.start, made.blade)
+        cut
+        for cut, made in enumerate(assignment.made)
+        if (made.left_side, made.left_reach, made.left_blade) != (made.start, made.reach, made.blade)
     ]
-    left = np.array([(made.left_u, made.left_side, made.left_blade) for made in assignment.made])[moved]
+    left = np.array(
+        [(made.left_u, made.left_side * made.left_reach, made.left_blade) for made in assignment.made]
+    )[moved]
     begin = cuts.u[moved, 0]
     waits = begin - left[:, 0] <= LEAST_FEED
     moves = Moves(
         knives=cuts.knives[moved],
         cuts=np.array(moved, dtype=np.int64),
         u=np.column_stack([np.where(waits, begin, np.maximum(left[:, 0], begin - MOVE_FEED)), begin]),
-        slides=np.column_stack([head.half_sweep * left[:, 1], cuts.slides[moved, 0]]),
+        slides=np.column_stack([left[:, 1], cuts.slides[moved, 0]]),
         blades=np.column_stack([left[:, 2], cuts.blades[moved]]),
     )
     return cuts, moves
@@ -330,13 +339,16 @@ class _Node(NamedTuple):
     kind: Step
     slide: float
     blade: float
+    speed: float = 0.0
 
 
 def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int, turns_at_rest: bool) -> list[_Node]:
     """Return a knife's path through the ply, in order; a blade that turns at rest does so after its slide's move."""
     own = np.flatnonzero(cuts.knives == knife + 1)
     move_to = dict(zip(moves.cuts.tolist(), range(len(moves)), strict=True))
-    side, blade = (LEFT, RIGHT)[knife] * head.half_sweep, float(cuts.blades[own[0]]) if len(own) else 0.0
+    side, blade = (LEFT, RIGHT)[knife] * head.half_sweep, 0.0
+    if len(own):
+        side, blade = (LEFT, RIGHT)[knife] * abs(float(cuts.slides[own[0], 0])), float(cuts.blades[own[0]])
     nodes = [_Node(0.0, Step.FEED, side, blade)]
     for cut in own.tolist():
         move = move_to.get(cut)
@@ -350,9 +362,10 @@ def _nodes(head: Head, cuts: Cuts, moves: Moves, knife: int, turns_at_rest: bool
                 nodes.append(_Node(begin, step, start, moved_from[1]))
                 step = Step.MOVE
             nodes.append(_Node(begin, step, start, blade))
-        nodes.append(_Node(begin, Step.DOWN, start, blade))
+        speed = float(cuts.speeds[cut])
+        nodes.append(_Node(begin, Step.DOWN, start, blade, speed))
         nodes.append(_Node(end, Step.CUT if cuts.square[cut] else Step.FEED, stop, blade))
-        nodes.append(_Node(end, Step.UP, stop, blade))
+        nodes.append(_Node(end, Step.UP, stop, blade, speed))
     return nodes
 
 
@@ -384,6 +397,7 @@ def _steps(head: Head, cuts: Cuts, moves: Moves, turning_at_rest: frozenset[int]
     kinds = np.concatenate([np.zeros(count, dtype=np.uint8), kind[acts]])[order]
     knives = np.concatenate([np.zeros(count, dtype=np.int64), knife[acts]])[order]
     acted = np.array([(node.slide, node.blade) * 2 for node in nodes])[acts]
+    speeds = np.append(np.zeros(count), np.array([node.speed for node in nodes])[acts])[order]
     poses = np.vstack([poses, acted])[order]
     for column, number in ((0, 1), (2, 2)):
         stated = np.where((knives == 0) | (knives == number), np.arange(len(knives)), 0)
@@ -394,6 +408,7 @@ def _steps(head: Head, cuts: Cuts, moves: Moves, turning_at_rest: frozenset[int]
         kinds=kinds,
         knives=knives,
         poses=poses,
+        speeds=speeds,
         raised=np.concatenate([[0], np.flatnonzero(lowered == 0) + 1]),
     )
 

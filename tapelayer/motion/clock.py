@@ -45,6 +45,8 @@ class Clock(Frozen):
         marks: (m,) path coordinate there.
         after: (m,) path speed just after each breakpoint.
         before: (m,) path speed just before it.
+        peaks: (n,) greatest path speed of each block on its own.
+        ramps: (n,) path acceleration of each block's ramps; 0 where it has none.
         blends: how blocks overlap; None where none do.
     """
 
@@ -55,6 +57,8 @@ class Clock(Frozen):
     marks: Floats
     after: Floats
     before: Floats
+    peaks: Floats
+    ramps: Floats
     blends: Blends | None = None
 
     @property
@@ -144,5 +148,7 @@ class Clock(Frozen):
             stands: (n,) True where the control stands still at a block's end.
         """
         nothing = np.zeros(0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            speeds = np.nan_to_num(np.diff(reached) / durations)
         ends = np.append(0.0, np.cumsum(durations))
-        return Clock(reached, ends, stands, nothing, nothing, nothing, nothing)
+        return Clock(reached, ends, stands, nothing, nothing, nothing, nothing, speeds, np.zeros(len(durations)))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tapelayer.arrays import Floats, Ints, SampleTable
 from tapelayer.motion.time_law import Limits, feeds, rapids
-from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.motion.trajectory import ON_THE_FLY, Event, Kind, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,10 +20,11 @@ class PlannedBlocks(SampleTable):
     Attributes:
         joints: (n, k) joint values at each block's end, metres and radians.
         kinds: (n,) `Kind`.
-        durations: (n,) seconds.
+        durations: (n,) seconds that the words ask for.
         events: (n,) `Event`.
         stated: (n,) bit i is set where axis i is written even if it does not change.
         arcs: (n,) metres along the course, for messages; 0 off a course.
+        tolerances: (n,) metres by which the control may round off the block's end; 0 where it stops there exactly.
     """
 
     joints: Floats
@@ -32,6 +33,7 @@ class PlannedBlocks(SampleTable):
     events: NDArray[np.uint8]
     stated: NDArray[np.uint16]
     arcs: Floats
+    tolerances: Floats
 
     def __len__(self) -> int:
         """Number of blocks."""
@@ -60,6 +62,7 @@ class PlannedBlocks(SampleTable):
             courses=courses.astype(np.int32),
             stated=self.stated,
             lines=np.zeros(len(self), np.int32),
+            tolerances=self.tolerances,
         )
 
 
@@ -80,7 +83,8 @@ def dwell_block(joints: Floats, seconds: float) -> PlannedBlocks:
 
 def switch_block(joints: Floats, event: Event) -> PlannedBlocks:
     """Return a switching block at joint values (k,)."""
-    return replace(_motions(joints[None], Kind.SWITCH, np.zeros(1)), events=np.array([event], np.uint8))
+    block = _motions(joints[None], Kind.SWITCH, np.zeros(1))
+    return replace(block, events=np.array([event], np.uint8), tolerances=np.array([ON_THE_FLY]))
 
 
 def _motions(nodes: Floats, kind: Kind, durations: Floats) -> PlannedBlocks:
@@ -93,4 +97,5 @@ def _motions(nodes: Floats, kind: Kind, durations: Floats) -> PlannedBlocks:
         events=np.zeros(count, np.uint8),
         stated=np.zeros(count, np.uint16),
         arcs=np.zeros(count),
+        tolerances=np.zeros(count),
     )

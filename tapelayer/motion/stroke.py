@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tapelayer.arrays import Floats, Frozen, Ints
 from tapelayer.motion.planned_blocks import PlannedBlocks
 from tapelayer.motion.time_law import Limits, feeds
-from tapelayer.motion.trajectory import Event, Kind
+from tapelayer.motion.trajectory import ON_THE_FLY, Event, Kind
 
 # Times no farther apart than this, in seconds, share a block boundary: shorter blocks have no exact speed.
 SAME_TIME = 1e-7
+
+
+class Pass(IntEnum):
+    """How the control passes a node.
+
+    STOP: exactly, with a full stop. ON: without a stop, its corner rounded off. WAIT: with a full stop that the switching
+    words there bring about, in the midst of motion without stops; where no word stands, as STOP.
+    """
+
+    STOP = 0
+    ON = 1
+    WAIT = 2
 
 
 class Word(NamedTuple):
@@ -38,18 +52,25 @@ class Stroke(Frozen):
         joints: (m, k) joint values at the nodes; the first is where the stroke begins.
         least: (m,) least seconds for the motion to each node, 0 for the first.
         arcs: (m,) metres along the course at the nodes.
+        passed: (m,) `Pass`.
         words: switching words, in their nominal order at a node.
     """
 
     joints: Floats
     least: Floats
     arcs: Floats
+    passed: NDArray[np.uint8]
     words: tuple[Word, ...] = ()
 
     @staticmethod
     def begun(joints: Floats) -> Stroke:
         """Return a stroke that begins at joint values (k,) and has not moved yet."""
-        return Stroke(joints[None], np.zeros(1), np.zeros(1))
+        return Stroke.through(joints[None])
+
+    @staticmethod
+    def through(joints: Floats) -> Stroke:
+        """Return a stroke through joint values (m, k), as fast as the axes allow, with a stop at each."""
+        return Stroke(joints, np.zeros(len(joints)), np.zeros(len(joints)), np.zeros(len(joints), np.uint8))
 
     def __len__(self) -> int:
         """Number of nodes."""
@@ -68,12 +89,14 @@ class Stroke(Frozen):
             joints=np.concatenate([self.joints, other.joints[1:]]),
             least=np.concatenate([self.least, other.least[1:]]),
             arcs=np.concatenate([self.arcs, other.arcs[1:]]),
+            passed=np.concatenate([self.passed, other.passed[1:]]),
             words=(*self.words, *(word._replace(node=word.node + shift) for word in other.words)),
         )
 
     def to(self, joints: Floats, least: float, arc: float = 0.0) -> Stroke:
         """Return this stroke with one more node (k,), `least` seconds away or more, `arc` metres along the course."""
-        return self.then(Stroke(np.stack([self.end, joints]), np.array([0.0, least]), np.array([0.0, arc])))
+        nodes = Stroke.through(np.stack([self.end, joints]))
+        return self.then(replace(nodes, least=np.array([0.0, least]), arcs=np.array([0.0, arc])))
 
     def switching(self, event: Event, delay: float, node: int | None = None) -> Stroke:
         """Return this stroke with a word, whose event takes effect at a node: the last one where none is given."""
@@ -84,7 +107,7 @@ class Stroke(Frozen):
         return np.append(0.0, np.cumsum(feeds(np.diff(self.joints, axis=0), limits, self.least[1:])))
 
 
-def stroke_blocks(stroke: Stroke, times: Floats) -> PlannedBlocks:
+def stroke_blocks(stroke: Stroke, times: Floats, tolerance: float = 0.0) -> PlannedBlocks:
     """Return the blocks after a stroke's first node, with a block boundary at every word.
 
     A word that must precede the stroke's beginning makes the head wait there.
@@ -92,8 +115,9 @@ def stroke_blocks(stroke: Stroke, times: Floats) -> PlannedBlocks:
     Args:
         stroke: the stroke.
         times: (m,) seconds at its nodes.
+        tolerance: metres by which the control may round off the nodes that it passes without a stop.
     """
-    nodes = np.column_stack([stroke.joints, stroke.arcs])
+    nodes = np.column_stack([stroke.joints, stroke.passed, stroke.arcs])
     words = sorted(stroke.words, key=lambda word: word.node)
     at = np.array([times[node] - delay for node, delay, _ in words])
     # Nodes at the same time are merged, with the words of both; so are words at the same time.
@@ -111,22 +135,31 @@ def stroke_blocks(stroke: Stroke, times: Floats) -> PlannedBlocks:
         after = np.searchsorted(times, new)
         share = (new - times[after - 1]) / (times[after] - times[after - 1])
         between = nodes[after - 1] + share[:, None] * (nodes[after] - nodes[after - 1])
+        # A block that is split goes on over the new boundary if it goes on at either of its ends.
+        between[:, -2] = np.where(np.maximum(nodes[after - 1, -2], nodes[after, -2]) > Pass.STOP, Pass.ON, Pass.STOP)
         times, nodes = np.insert(times, after, new), np.insert(nodes, after, between, axis=0)
     # Blocks are ordered by the node that ends them, and every word follows the block that ends at its time; stable
     # sorts keep the nominal order of words at the same time.
     by_time = np.argsort(at, kind="stable")
     ends = np.concatenate([np.arange(1, len(times)), np.searchsorted(times, at[by_time])])
     order = np.argsort(ends, kind="stable")
+    switching = np.zeros(len(times), np.bool_)
+    switching[np.searchsorted(times, at)] = True
+    waits = nodes[:, -2] == Pass.WAIT
+    nodes[waits & ~switching, -2] = Pass.STOP
     blocks = nodes[ends[order]]
-    still = np.all(nodes[1:, :-1] == nodes[:-1, :-1], axis=1)
+    still = np.all(nodes[1:, :-2] == nodes[:-1, :-2], axis=1)
     switches = np.full(len(words), Kind.SWITCH)
+    kinds = np.append(np.where(still, Kind.DWELL, Kind.LINEAR), switches).astype(np.uint8)[order]
+    rounded = np.where(blocks[:, -2] > Pass.STOP, tolerance, 0.0)
     return PlannedBlocks(
-        joints=blocks[:, :-1],
-        kinds=np.append(np.where(still, Kind.DWELL, Kind.LINEAR), switches).astype(np.uint8)[order],
+        joints=blocks[:, :-2],
+        kinds=kinds,
         durations=np.append(np.diff(times), np.zeros(len(words)))[order],
         events=np.append(np.zeros(len(still), np.uint8), [words[i].event for i in by_time]).astype(np.uint8)[order],
         stated=np.zeros(len(blocks), np.uint16),
         arcs=blocks[:, -1],
+        tolerances=np.where(kinds == Kind.SWITCH, np.where(blocks[:, -2] == Pass.WAIT, 0.0, ON_THE_FLY), rounded),
     )
 
 

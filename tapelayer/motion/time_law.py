@@ -183,17 +183,19 @@ def clock_of(trajectory: Trajectory, limits: Limits, rule: Rule) -> Clock:
     rapid = trajectory.kinds == Kind.RAPID
     asked = np.where(rapid, 0.0, trajectory.requested)
     reached = np.append(0.0, np.cumsum(lengths))
-    # A word that turns an axis for the control takes effect before the block's own motion.
-    turned = np.any(steps[:, sorted(rule.outputs)] != 0.0, axis=1)
+    # A word that turns an axis for the control, or states it again, takes effect before the block's own motion.
+    outputs = sum(1 << column for column in rule.outputs)
+    turned = np.any(steps[:, sorted(rule.outputs)] != 0.0, axis=1) | (trajectory.stated & outputs > 0)
     waits = ~moving & ((asked > 0.0) | turned | (trajectory.events == Event.STOP))
-    if rule.switching == "stops":
-        waits |= trajectory.kinds == Kind.SWITCH
+    waits |= (trajectory.kinds == Kind.SWITCH) & ((trajectory.tolerances == 0.0) | (rule.switching == "stops"))
     if rule.corner == "none" or not limits.ramped or not np.any(moving):
         needed = np.max(axis_times(steps, limits), axis=1, initial=0.0)
         spent = np.where(waits, asked, np.maximum(asked, needed))
         return Clock.even(reached, spent, np.full(len(blocks), rule.corner == "stop"))
     rows = np.flatnonzero(moving)
-    standing = np.where(moving, 0.0, asked + np.where(waits, rule.drain, 0.0))
+    # One drain for all the words in a row that wait for the end of motion.
+    drains = waits & ~np.append(False, waits[:-1])
+    standing = np.where(moving, 0.0, asked + np.where(drains, rule.drain, 0.0))
     axes = np.minimum(limits.acceleration[columns], AT_ONCE)
     with np.errstate(divide="ignore"):
         moved = np.abs(steps[np.ix_(rows, columns)])
@@ -364,7 +366,10 @@ def _clock(ramps: _Ramps, rows: Ints, reached: Floats, standing: Floats) -> Cloc
         moments, after, before = moments[order], after[order], before[order]
     marks = np.append(0.0, np.cumsum(np.diff(moments) * (after[:-1] + before[1:]) / 2.0))
     stands = (ramps.last == 0.0) & (ramps.overlaps == 0.0)
-    clock = Clock(reached, np.zeros(len(reached)), np.zeros(0, np.bool_), moments, marks, after, before)
+    peaks, rates = np.zeros(len(standing)), np.zeros(len(standing))
+    peaks[rows] = ramps.tops
+    rates[rows] = np.where((rise > 0.0) | (fall > 0.0), ramps.accelerations, 0.0)
+    clock = Clock(reached, np.zeros(len(reached)), np.zeros(0, np.bool_), moments, marks, after, before, peaks, rates)
     ends = np.where(stands, ramps.ends + ramps.waits, clock.first_times(reached[rows + 1]))
     # Blocks that do not move end where the last one that moves did, after the time they stand.
     last = np.searchsorted(rows, np.arange(len(standing)), side="right") - 1

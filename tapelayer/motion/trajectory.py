@@ -70,6 +70,7 @@ class Arcs:
     sweeps: Floats
 
 
+ON_THE_FLY = np.inf
 # The attributes of a trajectory that have a row a block.
 ROWS = ("kinds", "durations", "events", "courses", "stated", "lines", "centres", "planes", "tolerances", "asked")
 # Where a trajectory states no tolerances, the control stops at every block's end.
@@ -92,7 +93,8 @@ class Trajectory(Frozen):
         centres: (n, 3) centre of each circular block in joint coordinates x, y, z (metres), NaN elsewhere.
         planes: (n,) plane of each circular block: 0 XY, 1 ZX, 2 YZ.
         lines: (n,) line of the program (from 1) that the block was read from, 0 if it was not read.
-        tolerances: (n,) metres by which the control may round off the block's end; 0 where it stops there exactly.
+        tolerances: (n,) metres by which the control may round off the block's end; 0 where it stops there exactly. For a
+            switching word, 0 where the control finishes all motion first, `ON_THE_FLY` where motion may go on.
         asked: (n,) seconds that the words ask for; None where the durations are these.
         clock: when the control is where; None before the time law was asked.
     """
@@ -118,7 +120,7 @@ class Trajectory(Frozen):
         if len(self.axes) != k or self.start.shape != (k,):
             raise ValueError(f"{len(self.axes)} axes do not fit positions of shape {self.positions.shape}")
         if self.tolerances is NOT_ROUNDED:
-            object.__setattr__(self, "tolerances", np.zeros(n))
+            object.__setattr__(self, "tolerances", np.where(self.kinds == Kind.SWITCH, ON_THE_FLY, 0.0))
         for name in ROWS:
             rows = getattr(self, name)
             if rows is not None and len(rows) != n:
@@ -157,6 +159,18 @@ class Trajectory(Frozen):
         spent = self.durations[blocks]
         left = (self.times[blocks] - times) / np.where(spent > 0.0, spent, 1.0)
         return np.clip(1.0 - left, 0.0, 1.0)
+
+    def paces(self, blocks: Ints, times: Floats) -> Floats:
+        """Return the share of blocks (m,) that the control covers a second at times (m,) in seconds.
+
+        Where two blocks overlap, both count: the share is that of the motion along both.
+        """
+        spent = self.durations[blocks]
+        even = np.divide(1.0, spent, out=np.zeros(len(blocks)), where=spent > 0.0)
+        if self.clock is None or not len(self.clock.marks):
+            return even
+        lengths = self.clock.reached[blocks + 1] - self.clock.reached[blocks]
+        return np.divide(self.clock.speeds(times), lengths, out=even, where=lengths > 0.0)
 
     def rounded(self, blocks: Ints, fractions: Floats) -> Floats:
         """Return the joint values (m, k) as `within`, with corners rounded off as the control rounds them."""

@@ -93,7 +93,7 @@ def axes_used(
     uses, breaches = [], []
     feeding = np.flatnonzero(np.isin(trajectory.kinds, (Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     begins, ends = trajectory.begins(feeding), trajectory.positions[feeding]
-    spans = trajectory.durations[feeding]
+    spans = trajectory.requested[feeding]
     for column, axis in enumerate(axes):
         values = trajectory.positions[:, column]
         stated = values[~np.isnan(values)]

@@ -28,6 +28,8 @@ def samples() -> Samples:
         courses=course,
         arc_lengths=arcs,
         times=np.array([0.0, 1.0, 2.0, 2.5, 3.0, 4.0]),
+        asked=np.array([0.0, 1.0, 2.0, 2.5, 3.0, 4.0]),
+        speeds=np.array([0.25, 0.25, 0.25, 1.0, 0.75, 0.5]),
         nips=np.column_stack([0.3 + 0.1 * course, arcs - 1.5, 0 * arcs]),
         normal_errors=np.array([0.0, 1e-5, -3e-5, 0.0, -3e-5, 0.0]),
         lateral_errors=np.array([0.0, 0.0, 4e-5, 0.0, 0.0, 2e-5]),
