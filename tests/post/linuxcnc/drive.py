@@ -1,12 +1,14 @@
 #!/usr/bin/python3
 """The display of a headless LinuxCNC: runs a program and writes what the joints and outputs did; no screen needed.
 
-The folder it works in is its own: program.ngc goes in, log.json comes out.
+The folder it works in is its own: program.ngc goes in, log.json and samples.txt come out.
 """
 
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 import time
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,7 @@ import linuxcnc  # type: ignore[import-not-found]
 
 FOLDER = Path(__file__).resolve().parent
 JOINTS = 9
-LONGEST_S = 60.0
+LONGEST_S = float(os.environ.get("LONGEST_S", "60"))
 
 
 def until(found: Any, seconds: float) -> None:
@@ -43,6 +45,9 @@ def main() -> None:
     command.mode(linuxcnc.MODE_AUTO)
     command.wait_complete(10)
     command.program_open(str(FOLDER / "program.ngc"))
+    # Every servo cycle: its number, the joints, an output and the line.
+    sampling = subprocess.Popen(["halsampler", "-t", str(FOLDER / "samples.txt")])
+    time.sleep(0.2)
     begin = time.monotonic()
     command.auto(linuxcnc.AUTO_RUN, 0)
     samples: list[tuple[float, list[float], list[int], float]] = []
@@ -61,6 +66,9 @@ def main() -> None:
         if (running and idle) or (messages and idle):
             break
         time.sleep(0.001)
+    time.sleep(0.2)
+    sampling.terminate()
+    sampling.wait(10)
     log = {"samples": samples, "messages": messages, "seconds": time.monotonic() - begin}
     (FOLDER / "log.json").write_text(json.dumps(log), encoding="utf-8")
 
