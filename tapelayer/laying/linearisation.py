@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Mask, SampleTable
+from tapelayer.arrays import Floats, SampleTable
 from tapelayer.errors import PoseUndefined
 from tapelayer.geometry.curves import Curve
 from tapelayer.geometry.toolpath import Toolpath
 from tapelayer.machines import gantry
-from tapelayer.vectors import ramp
+from tapelayer.motion.layout import even_blocks
 
 # A block is compared with the course at these fractions: its ends lie as far outside the curve as its middle inside.
 TRIED = np.arange(6) / 6.0
 # Blocks are laid out for part of the tolerance, so that few have to be laid out again.
 LAYOUT_SHARE = 0.95
-# Where blocks are off, the layout is made this often with more of them, then they are split.
-LAYOUTS = 6
-# Blocks per metre where nothing bends, so that they are of one length.
-LEAST_LOAD = 1e-9
-SHORTEST_BLOCK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,55 +153,26 @@ def block_ends(
     Raises:
         PoseUndefined: a point has no roller pose, or the tolerances cannot be kept by any block.
     """
-    knots = motion.curve.knots
-    stops = np.unique(np.concatenate([knots[:1], np.asarray(required, dtype=np.float64), knots[-1:]]))
-    # Balanced chords may be twice as far from the curve.
-    load = _chord_load(motion, 2.0 * LAYOUT_SHARE * tolerance, 2.0 * LAYOUT_SHARE * axis_tolerance) + LEAST_LOAD
-    ends = _laid_out(knots, load, stops)
-    for layout in itertools.count(1):
-        poses = _balanced(motion, ends, stops)
-        excess = _excess(motion, poses, tolerance, axis_tolerance)
-        off = ~(excess <= 1.0)
-        if not np.any(off):
-            return poses
-        if layout < LAYOUTS and np.all(np.isfinite(excess)):
-            load = load * _heavier(knots, ends, np.where(off, np.sqrt(excess) * 1.02, 1.0))
-            ends = _laid_out(knots, load, stops)
-        else:
-            ends = _split(motion, ends, off)
-    raise AssertionError("unreachable: every layout is tried")
+    stops = np.unique(np.concatenate([[0.0], np.asarray(required, dtype=np.float64), [motion.curve.length]]))
+
+    def excess(ends: Floats) -> Floats:
+        return _excess(motion, _balanced(motion, ends, stops), tolerance, axis_tolerance)
+
+    load = _chord_load(motion, 2.0 * LAYOUT_SHARE * tolerance, 2.0 * LAYOUT_SHARE * axis_tolerance)
+    layout = even_blocks(motion.curve.knots, load, stops, excess)
+    if layout.faulty is not None:
+        worst = nearest_point(motion.toolpath, layout.faulty)
+        raise PoseUndefined(
+            f"course {motion.toolpath.number} point {worst}: no block is short enough to keep the "
+            "tolerances here; the path or its normals have a kink"
+        )
+    return _balanced(motion, layout.ends, stops)
 
 
 def usual_block(motion: CourseMotion, tolerance: float, axis_tolerance: float) -> float:
     """Return the median length in metres of the blocks that keep the tolerances along a course; arguments as above."""
-    load = _chord_load(motion, 2.0 * LAYOUT_SHARE * tolerance, 2.0 * LAYOUT_SHARE * axis_tolerance) + LEAST_LOAD
-    return 1.0 / float(np.median(load))
-
-
-def _laid_out(knots: Floats, load: Floats, stops: Floats) -> Floats:
-    """Return block ends that share the load evenly between each of the stops and the next.
-
-    Args:
-        knots: (n,) metres along the course.
-        load: (n - 1,) blocks needed per metre between them.
-        stops: (m,) metres, rising: ends that are given.
-    """
-    carried = np.append(0.0, np.cumsum(load * np.diff(knots)))
-    at = np.interp(stops, knots, carried)
-    pieces = np.maximum(np.ceil(np.diff(at) - 1e-6), 1.0).astype(np.int64)
-    gap, number = ramp(pieces)
-    ends = np.interp(at[gap] + np.diff(at)[gap] * number / pieces[gap], carried, knots)
-    ends[number == 0] = stops[:-1]
-    return np.append(ends, stops[-1])
-
-
-def _heavier(knots: Floats, ends: Floats, factors: Floats) -> Floats:
-    """Return by how much (n - 1,) the load between knots (n,) grows, for the factors (m - 1,) of blocks (m,) `ends`."""
-    middles = (knots[1:] + knots[:-1]) / 2.0
-    grown = factors[np.clip(np.searchsorted(ends, middles) - 1, 0, len(factors) - 1)]
-    at = np.clip(np.searchsorted(knots, (ends[1:] + ends[:-1]) / 2.0) - 1, 0, len(grown) - 1)
-    np.maximum.at(grown, at, factors)
-    return grown
+    load = _chord_load(motion, 2.0 * LAYOUT_SHARE * tolerance, 2.0 * LAYOUT_SHARE * axis_tolerance)
+    return 1.0 / max(float(np.median(load)), 1e-9)
 
 
 def _balanced(motion: CourseMotion, ends: Floats, stops: Floats) -> Poses:
@@ -257,23 +222,6 @@ def _between(rows: Floats) -> Floats:
     """Return rows (m, k) on the straight lines between consecutive rows (n, k), at the fractions `TRIED`."""
     inner = rows[:-1, None, :] + TRIED[None, :, None] * np.diff(rows, axis=0)[:, None, :]
     return inner.reshape(-1, rows.shape[1])
-
-
-def _split(motion: CourseMotion, ends: Floats, off: Mask) -> Floats:
-    """Return block ends with each block in `off` split at the file's point nearest its middle, or in its middle."""
-    begin, end = ends[:-1][off], ends[1:][off]
-    if np.any(end - begin < SHORTEST_BLOCK):
-        worst = nearest_point(motion.toolpath, float(begin[np.argmin(end - begin)]))
-        raise PoseUndefined(
-            f"course {motion.toolpath.number} point {worst}: no block is short enough to keep the "
-            "tolerances here; the path or its normals have a kink"
-        )
-    middle = (begin + end) / 2
-    knots = motion.curve.knots
-    after = np.clip(np.searchsorted(knots, middle), 1, len(knots) - 1)
-    nearest = np.where(middle - knots[after - 1] < knots[after] - middle, knots[after - 1], knots[after])
-    usable = np.abs(nearest - middle) < (end - begin) / 4
-    return np.union1d(ends, np.where(usable, nearest, middle))
 
 
 def _norms(vectors: Floats) -> Floats:

@@ -8,7 +8,7 @@ from tapelayer.motion.planned_blocks import PlannedBlocks, dwell_block, feed_blo
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Kind
 
-LIMITS = Limits(np.array([0.5, 2.0]))
+LIMITS = Limits.speeds(np.array([0.5, 2.0]))
 NOWHERE = np.full(2, np.nan)
 NODES = np.array([[1.0, 0.0], [1.0, 1.0]])
 

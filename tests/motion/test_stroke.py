@@ -14,7 +14,7 @@ from tapelayer.motion.stroke import SAME_TIME, Stroke, Word, stroke_blocks
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Kind
 
-LIMITS = Limits(np.array([0.5, 2.0]))
+LIMITS = Limits.speeds(np.array([0.5, 2.0]))
 EVENTS = st.sampled_from([event for event in Event if event != Event.NONE])
 # Halves and quarters make words fall on nodes and on each other; a delay may reach before the beginning.
 NUMBERS = st.sampled_from([0.0, 0.25, 0.5, 1.0, 2.0]) | st.floats(-3.0, 3.0)

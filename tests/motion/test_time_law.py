@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.time_law import Limits, at_speed, axis_times, by_feed_word, feeds, rapids
 
-LIMITS = Limits(np.array([0.5, 2.0, 0.25]))
+LIMITS = Limits.speeds(np.array([0.5, 2.0, 0.25]))
 STEPS = arrays(np.float64, (4, 3), elements=st.floats(-10.0, 10.0))
 LEAST = arrays(np.float64, 4, elements=st.floats(0.0, 10.0))
 
@@ -61,7 +61,7 @@ def test_distances_scale_times(steps: np.ndarray, least: np.ndarray, share: floa
 
 @given(STEPS)
 def test_limits_twice_as_high_halve_the_time(steps: np.ndarray) -> None:
-    twice = Limits(LIMITS.speed * 2.0)
+    twice = Limits.speeds(LIMITS.speed * 2.0)
     np.testing.assert_allclose(rapids(steps, twice), rapids(steps, LIMITS) / 2.0, atol=1e-300)
     none = np.zeros(4)
     np.testing.assert_allclose(feeds(steps, twice, none), feeds(steps, LIMITS, none) / 2.0, atol=1e-300)

@@ -242,7 +242,7 @@ def test_written_arcs_read_back_onto_the_circle(
     trajectory = laid(points, u, times)
     controller = load(control)
     text = write(SimpleNamespace(trajectory=trajectory), controller, Provenance("a", "b", "c", "d"))  # type: ignore[arg-type]
-    path = read(text, controller, TEN_AXES, Limits(np.ones(len(TEN_AXES))), "p.nc").trajectory
+    path = read(text, controller, TEN_AXES, Limits.speeds(np.ones(len(TEN_AXES))), "p.nc").trajectory
     word = controller.codes.clockwise if clockwise else controller.codes.counterclockwise
     arc = np.flatnonzero(np.isin(path.kinds, (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     assert 1 <= len(arc) <= 2 and f"{controller.codes.planes[plane]} {word} ".encode() in text

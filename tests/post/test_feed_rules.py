@@ -136,7 +136,7 @@ def changed(control: str, *changes: tuple[str, str]) -> Controller:
 def durations(controller: Controller, axes: str, text: str) -> list[float]:
     """Seconds of the blocks after the first, which states the axes."""
     joints = tuple(next(word.joints[0] for word in controller.axes if word.address[0] == axis) for axis in axes)
-    limits = Limits(np.ones(len(joints)))
+    limits = Limits.speeds(np.ones(len(joints)))
     return read(text.encode(), controller, joints, limits, "p.nc").trajectory.durations[1:].tolist()
 
 

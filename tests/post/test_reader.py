@@ -25,13 +25,13 @@ from tests.helpers.paths import DATA, ROOT
 GOLDEN = DATA / "nc"
 REVOLUTE = ("c", "a", "d", "e")
 # mm/s and deg/s, as numbers that nothing else in the tests has.
-LIMITS = Limits(np.array([np.pi / 2 if axis in REVOLUTE else 0.5 for axis in TEN_AXES]))
+LIMITS = Limits.speeds(np.array([np.pi / 2 if axis in REVOLUTE else 0.5 for axis in TEN_AXES]))
 STATE = "G00 X0 Y0 Z0 A0 C0 U0 V0 Q0 D0 E0\n"
 
 
 def parsed(text: str | bytes, controller: Controller | None = None, axes: tuple[str, ...] = TEN_AXES) -> Program:
     data = text.encode("utf-8") if isinstance(text, str) else text
-    limits = Limits(LIMITS.speed[: len(axes)])
+    limits = Limits.speeds(LIMITS.speed[: len(axes)])
     return read(data, controller or load("jb3208"), axes, limits, "p.nc")
 
 
