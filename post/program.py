@@ -356,9 +356,9 @@ def _fixed(
             fixed.append((at, f"{controller.codes.set_position} {tape.axis.address}0"))
     if controller.time.blends:
         motions = np.flatnonzero(layout.plain)
-        blended = trajectory.tolerances[blocks[motions]] > 0.0
-        changes = np.flatnonzero(~_same(epochs[motions], blended))
-        fixed += [(int(motions[row]), controller.time.text(bool(blended[row]))) for row in changes.tolist()]
+        tolerances = trajectory.tolerances[blocks[motions]]
+        changes = np.flatnonzero(~_same(epochs[motions], tolerances))
+        fixed += [(int(motions[row]), controller.time.text(float(tolerances[row]))) for row in changes.tolist()]
     fixed += [(len(blocks), words) for words in controller.blocks.end[:1]]
     return sorted(fixed, key=lambda row: row[0])
 

@@ -182,7 +182,8 @@ class Timing(_Table):
         blended: word for going on without stops from here on.
         tolerance_address: letter that states how far corners may be rounded off, in mm; empty where the control's own
             parameters do.
-        tolerance_mm: how far corners are rounded off: the value that is written, or that of the parameters.
+        tolerance_mm: how far the control's parameters let corners be rounded off; where the letter states it, the least
+            that is written.
         initial: which of the two holds before either word.
         switching: whether a switching word lets the motion go on, or stops it.
         cycle_ms: servo period.
@@ -211,11 +212,11 @@ class Timing(_Table):
         """How far corners are rounded off, in metres, where blocks go on without stops."""
         return self.tolerance_mm * 1e-3
 
-    def text(self, blended: bool) -> str:
-        """Return the words of a mode."""
-        if not blended:
+    def text(self, tolerance: float) -> str:
+        """Return the words of a mode: an exact stop for a tolerance of 0 metres, else blending within it."""
+        if not tolerance > 0.0:
             return self.exact
-        stated = f" {self.tolerance_address}{self.tolerance_mm:g}" if self.tolerance_address else ""
+        stated = f" {self.tolerance_address}{round(tolerance * 1e3, 4):g}" if self.tolerance_address else ""
         return self.blended + stated
 
     def faults(self) -> Iterator[str]:
@@ -391,6 +392,7 @@ class Controller(_Table):
             kink=self.time.kink,
             drain=self.time.drain_ms * 1e-3,
             tolerance=self.time.tolerance if self.time.blends else 0.0,
+            stated=bool(self.time.tolerance_address),
         )
 
     def resolution(self, joint: str) -> float:

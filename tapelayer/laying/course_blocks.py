@@ -84,6 +84,11 @@ class LayingTask:
         return self.setup.process.thread_speed_mm_per_s * MM
 
     @property
+    def rounding(self) -> float:
+        """Return how far the control may round off the block ends of a course, in metres."""
+        return self.rule.rounding(self.setup.process.tolerance_mm * MM)
+
+    @property
     def lift(self) -> float:
         """Return the distance in metres along the head's normal from the surface to where a plunge begins."""
         return self.setup.process.approach_mm * MM
@@ -268,7 +273,7 @@ def _laid(
     if course == len(tape) - 1:
         stroke = _fed(task, stroke, np.array([tape.laying[-1, 1], len(tape.steps)]), float(stroke.end[task.u]))
     times = stroke.times(task.limits)
-    return stroke_blocks(_heated(task, stroke, times, first, last), times, task.rule.tolerance)
+    return stroke_blocks(_heated(task, stroke, times, first, last), times, task.rounding)
 
 
 def _laying(task: LayingTask, course: int, joints: Floats, arcs: Floats, roller_down: float) -> Stroke:

@@ -34,6 +34,7 @@ class Rule:
         kink: share of an axis's acceleration that LinuxCNC spends on a corner that it passes without a stop.
         drain: seconds for a word that lets the control finish all motion first.
         tolerance: metres by which corners are rounded off where blocks are blended; 0 where they cannot be.
+        stated: whether a program can state that tolerance, so that each job has its own.
     """
 
     corner: Corner = "none"
@@ -45,11 +46,19 @@ class Rule:
     kink: float = 0.1
     drain: float = 0.0
     tolerance: float = 0.0
+    stated: bool = False
 
     @property
     def blends(self) -> bool:
         """Whether the control can pass a block's end without a stop."""
         return self.corner in ("linuxcnc", "look_ahead")
+
+    def rounding(self, allowed: float) -> float:
+        """Return how far, in metres, corners are rounded off in a job whose path may be off by `allowed` metres.
+
+        A chord that is balanced about its curve leaves corners of twice that to round off.
+        """
+        return 2.0 * allowed if self.stated else self.tolerance
 
     @property
     def ramp_share(self) -> float:

@@ -52,7 +52,7 @@ def even_blocks(knots: Floats, load: Floats, stops: Floats, excess: Callable[[Fl
         if not np.any(off):
             return BlockLayout(ends)
         if layouts < LAYOUTS and np.all(np.isfinite(over)):
-            load = load * _heavier(knots, ends, np.where(off, np.sqrt(over) * MARGIN, 1.0))
+            load = np.maximum(load, _needed(knots, ends, np.where(off, np.sqrt(over) * MARGIN, 0.0)))
             ends = _laid_out(knots, load, stops)
             layouts += 1
             continue
@@ -73,13 +73,14 @@ def _laid_out(knots: Floats, load: Floats, stops: Floats) -> Floats:
     return np.append(ends, stops[-1])
 
 
-def _heavier(knots: Floats, ends: Floats, factors: Floats) -> Floats:
-    """Return by how much (n - 1,) the load between knots (n,) grows, for the factors (m - 1,) of blocks (m,) `ends`."""
+def _needed(knots: Floats, ends: Floats, factors: Floats) -> Floats:
+    """Return the load (n - 1,) between knots (n,) of blocks (m,) `ends` shortened by factors (m - 1,); 0 where by 0."""
+    needed = factors / np.diff(ends)
     middles = (knots[1:] + knots[:-1]) / 2.0
-    grown = factors[np.clip(np.searchsorted(ends, middles) - 1, 0, len(factors) - 1)]
-    at = np.clip(np.searchsorted(knots, (ends[1:] + ends[:-1]) / 2.0) - 1, 0, len(grown) - 1)
-    np.maximum.at(grown, at, factors)
-    return grown
+    load = needed[np.clip(np.searchsorted(ends, middles) - 1, 0, len(needed) - 1)]
+    at = np.clip(np.searchsorted(knots, (ends[1:] + ends[:-1]) / 2.0) - 1, 0, len(load) - 1)
+    np.maximum.at(load, at, needed)
+    return load
 
 
 def _split(ends: Floats, off: Mask) -> Floats:

@@ -59,8 +59,7 @@ def sampled(trajectory: Trajectory, blocks: Ints) -> tuple[Floats, Floats, Ints]
     counts = sample_counts(lengths_of(trajectory, blocks), SPRAYED_SAMPLE_STEP)
     block, step = ramp(counts)
     rows, fractions = np.append(blocks[0], blocks[block]), np.append(0.0, (step + 1) / counts[block])
-    times = trajectory.times[rows] - (1.0 - fractions) * trajectory.durations[rows]
-    return trajectory.within(rows, fractions), times, rows
+    return trajectory.rounded(rows, fractions), trajectory.moments(rows, fractions), rows
 
 
 def lengths_of(trajectory: Trajectory, blocks: Ints) -> Floats:

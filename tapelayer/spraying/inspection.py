@@ -13,6 +13,7 @@ from tapelayer.geometry.plan_coverage import PlanCoverage
 from tapelayer.geometry.polyline import along
 from tapelayer.machines.machine import Machine
 from tapelayer.machines.wrist import AXES
+from tapelayer.motion.corners import Rule
 from tapelayer.motion.trajectory import MOTIONS, Event, Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.spraying.arc_runs import ArcRun, arc_on, arc_runs_of, lengths_of, sampled
@@ -32,6 +33,8 @@ from tapelayer.verification.switching import Switch, interrupted, still_on, unpa
 AIR, ARC = Switch("air", Event.AIR_ON, Event.AIR_OFF), Switch("arc", Event.ARC_ON, Event.ARC_OFF)
 # A point this close to the end of a facet, in metres, is on the next facet as well.
 AT_EDGE = 2e-6
+# Rounded digits change the length of a block, and with it the speed that is held, by no more than this share.
+HELD_DOUBT = 0.01
 # A split this close to a planned one, in metres, is the planned one.
 SAME_SPLIT = 1e-3
 
@@ -45,17 +48,25 @@ class SprayInspector(Judge[SprayEvidence]):
         mesh: the surface in `machine`.
         setup: the job's values.
         machine: the robot, with the setup's limits already in it.
+        rule: how the control turns blocks into motion; without it every speed is reached at once.
     """
 
     OF, FRAMES, ROUNDED = "pass", ("P", "gun"), 2.0
 
     def __init__(
-        self, passes: Sequence[Pass], splits: Sequence[Split], mesh: Mesh, setup: SpraySetup, machine: Machine
+        self,
+        passes: Sequence[Pass],
+        splits: Sequence[Split],
+        mesh: Mesh,
+        setup: SpraySetup,
+        machine: Machine,
+        rule: Rule | None = None,
     ) -> None:
         super().__init__(
             machine, [machine.axis(name) for name in AXES], [one.path.number for one in passes], limits_of(setup)
         )
         self.passes, self.splits, self.mesh, self.setup = passes, splits, mesh, setup
+        self.rule = rule or Rule()
         self.normals, self.triangles = mesh.upward_normals, mesh.vertices[mesh.facets]
         self.outline = PlanCoverage(mesh)
         self.slack = setup.verification.max_position_error_mm * MM
@@ -264,22 +275,26 @@ class SprayInspector(Judge[SprayEvidence]):
         return [self._at_block(trajectory, Breach(int(spraying[row]), "pass", int(passes[row]) + 1, len(self.passes)))]
 
     def _speeds(self, trajectory: Trajectory, spraying: Ints, digits: Floats) -> list[Failure]:
-        """Return blocks in which the gun is too fast, too slow with no axis at its limit, or theta turns too far."""
+        """Return blocks whose words ask for too much, for less than axes and control can do, or turn theta too far."""
         begins, ends = trajectory.begins(spraying), trajectory.positions[spraying]
-        steps, spans = np.abs(ends - begins), trajectory.durations[spraying]
+        steps, spans = np.abs(ends - begins), trajectory.requested[spraying]
         lengths, speed = lengths_of(trajectory, spraying), self.setup.speed
         digit = 2 * float(np.max(digits[:3]))
         limits = np.array([axis.speed for axis in self.axes])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            accelerations = lengths / np.max(steps / np.array([axis.acceleration for axis in self.axes]), axis=1)
+            held = np.nan_to_num(lengths / self.rule.held(lengths, accelerations))
         needed = np.maximum(lengths / speed, np.max(steps / limits, axis=1, initial=0.0))
         # A block too short to be written adds its time to the next one.
         slack = 2 * digit / speed + np.max(2 * digits / limits) + needed * FEED_DIGITS
+        slowest = np.maximum(needed, held * (1.0 + HELD_DOUBT))
         theta = steps[:, AXES.index("theta")] / DEG
         failures = []
         with np.errstate(divide="ignore", invalid="ignore"):
             speeds = lengths / spans / MM
         for what, wrong, values, limit in (
             ("gun_speed_mm_per_s", ~(spans >= needed - slack) & (lengths > digit), speeds, speed / MM),
-            ("slow_gun_speed_mm_per_s", ~(spans <= needed + slack), speeds, speed / MM),
+            ("slow_gun_speed_mm_per_s", ~(spans <= slowest + slack), speeds, speed / MM),
             ("theta_step_deg", ~(theta <= self.setup.verification.max_theta_step_deg), theta,
              self.setup.verification.max_theta_step_deg),
         ):  # fmt: skip

@@ -167,11 +167,13 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         steps.begin(SLICING.name)
         passes = self.pass_plan.passes
         steps.begin(PLANNING.name, len(passes))
-        return spray(passes, self.setup, self.machine, float(np.max(self.mesh.vertices[:, 2])), steps.tick)
+        highest = float(np.max(self.mesh.vertices[:, 2]))
+        return spray(passes, self.setup, self.machine, highest, steps.tick, self.controller.rule(AXES))
 
     def inspector(self, plan: Spraying) -> SprayInspector:
         """Return the judge of trajectories for these passes."""
-        return SprayInspector(self.pass_plan.passes, plan.splits, self.mesh, self.setup, self.machine)
+        rule = self.controller.rule(AXES)
+        return SprayInspector(self.pass_plan.passes, plan.splits, self.mesh, self.setup, self.machine, rule)
 
     def levels(self) -> dict[Event, float]:
         """Return the level that goes with the word for the arc: the current, if the setup gives one."""

@@ -61,7 +61,7 @@ class _Planner:
 
     def __init__(self, mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -> None:
         self.reach, self.spray, self.pitch = Reach(mesh, setup, machine), setup.spray, pitch
-        self.window, self.limit = setup.smoothing, setup.max_deviation
+        self.window, self.limit = setup.smoothing, setup.planned_deviation
         self.beyond_share = 0.0
 
     def passes(self) -> list[Pass]:

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tapelayer.arrays import Floats, Frozen
 from tapelayer.machines.machine import Machine
-from tapelayer.machines.wrist import AXES, gun_axes
+from tapelayer.machines.wrist import AXES, angles_between, gun_axes
+from tapelayer.motion.corners import Rule
+from tapelayer.motion.layout import even_blocks
 from tapelayer.motion.planned_blocks import PlannedBlocks, dwell_block, feed_blocks, rapid_blocks, switch_block
-from tapelayer.motion.time_law import Limits, at_speed, axis_times, feeds, rapids
+from tapelayer.motion.time_law import Limits, at_speed, axis_times, feeds, rapids, timed
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.spraying.passes import Pass, Split
 from tapelayer.spraying.reach import wrist_of
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.spraying.wrist_path import follow
-from tapelayer.units import MM
+from tapelayer.units import DEG, MM
 
 # A link between passes keeps the arc on only if the axes can follow at this share of the gun's speed.
 SLOWEST = 0.5
@@ -77,7 +79,18 @@ class Spraying:
     slowdowns: tuple[Slowdown, ...]
 
 
-def spray(passes: Sequence[Pass], setup: SpraySetup, machine: Machine, highest: float, tick: Tick = silent) -> Spraying:
+# A control that reaches every speed at once: for planning without one.
+AT_ONCE = Rule()
+
+
+def spray(
+    passes: Sequence[Pass],
+    setup: SpraySetup,
+    machine: Machine,
+    highest: float,
+    tick: Tick = silent,
+    rule: Rule = AT_ONCE,
+) -> Spraying:
     """Return the program of passes: every pass approached, sprayed and left, or linked to the next with the arc on.
 
     Args:
@@ -86,6 +99,7 @@ def spray(passes: Sequence[Pass], setup: SpraySetup, machine: Machine, highest: 
         machine: the robot, with the setup's limits already in it.
         highest: z of the part's highest point in `machine`, metres.
         tick: called after every pass.
+        rule: how the control turns blocks into motion.
     """
     wrist = wrist_of(setup, machine)
     theta = min(max(0.0, wrist.theta.lower), wrist.theta.upper)
@@ -99,7 +113,7 @@ def spray(passes: Sequence[Pass], setup: SpraySetup, machine: Machine, highest: 
         arcs = path.arc_lengths[followed.points]
         ends = np.append(followed.starts[1:], len(joints))
         pieces = [
-            Piece(index, arcs[first:last], joints[first:last])
+            laid_out(Piece(index, arcs[first:last], joints[first:last]), setup)
             for first, last in zip(followed.starts.tolist(), ends.tolist(), strict=True)
         ]
         for reason, piece in zip(followed.reasons, pieces[1:], strict=True):
@@ -114,9 +128,11 @@ def spray(passes: Sequence[Pass], setup: SpraySetup, machine: Machine, highest: 
         lower=np.array([axis.lower for axis in axes[:3]]),
         upper=np.array([axis.upper for axis in axes[:3]]),
         height=min(highest + setup.spray.retract_mm * MM, axes[2].upper),
+        rule=rule,
     )
+    trajectory = _trajectory(gun, [each for each in sprayed if each.pieces])
     return Spraying(
-        trajectory=_trajectory(gun, [each for each in sprayed if each.pieces]),
+        trajectory=timed(trajectory, gun.limits, rule),
         pieces=tuple(piece for each in sprayed for piece in each.pieces),
         splits=tuple(splits),
         slowdowns=tuple(slow for each in sprayed if (slow := _slowest(gun, each))),
@@ -148,6 +164,7 @@ class Gun:
         lower: (3,) lower ends of the travel of x, y, z, metres.
         upper: (3,) upper ends, metres.
         height: of axis z on a link from pass to pass, metres, unless one of its ends is higher.
+        rule: how the control turns blocks into motion.
     """
 
     setup: SpraySetup
@@ -155,11 +172,24 @@ class Gun:
     lower: Floats
     upper: Floats
     height: float
+    rule: Rule
 
     def fed(self, begin: Floats, nodes: Floats) -> PlannedBlocks:
         """Return straight blocks from joint values (5,) through nodes (m, 5) at the gun's speed or the axes' limits."""
         lengths = np.linalg.norm(np.diff(nodes[:, :3], axis=0, prepend=begin[None, :3]), axis=1)
         return feed_blocks(begin, nodes, self.limits, at_speed(lengths, self.setup.speed))
+
+    def passed(self, begin: Floats, nodes: Floats) -> PlannedBlocks:
+        """Return blocks with the arc on, as `fed`: without stops, at most at the speed that the control holds."""
+        steps = np.diff(nodes, axis=0, prepend=begin[None])
+        lengths = np.linalg.norm(steps[:, :3], axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            accelerations = lengths / np.max(np.abs(steps) / self.limits.acceleration, axis=1)
+            speeds = np.minimum(self.setup.speed, self.rule.held(lengths, accelerations))
+            least = np.where(lengths > 0.0, lengths / speeds, 0.0)
+        blocks = feed_blocks(begin, nodes, self.limits, least)
+        rounding = self.rule.rounding(self.setup.spray.tolerance_mm * MM)
+        return replace(blocks, tolerances=np.full(len(blocks), rounding))
 
     def retracted(self, joints: Floats) -> Floats:
         """Return joint values (5,) with P retracted along the gun's axis as far as the travel permits."""
@@ -183,7 +213,7 @@ class Gun:
         """Return blocks from the end of a pass straight to the start of the next, with the arc on."""
         distance = float(np.linalg.norm(start[:3] - end[:3]))
         steps = max(math.ceil(distance / (self.setup.spray.max_point_spacing_mm * MM) - 1e-9), 1)
-        return self.fed(end, np.linspace(end, start, steps + 1)[1:]).stating(0, _EVERY_AXIS)
+        return self.passed(end, np.linspace(end, start, steps + 1)[1:]).stating(0, _EVERY_AXIS)
 
     def approached(self, begin: Floats, start: Floats) -> PlannedBlocks:
         """Return blocks over the part to the start of a pass, then air and arc on; joints of `begin` may be NaN."""
@@ -204,7 +234,7 @@ class Gun:
 
     def sprayed(self, pieces: Sequence[Piece]) -> PlannedBlocks:
         """Return blocks along the pieces of a pass from the start of the first, with the arc off between pieces."""
-        parts = [self.fed(pieces[0].joints[0], pieces[0].joints[1:])]
+        parts = [self.passed(pieces[0].joints[0], pieces[0].joints[1:])]
         for before, piece in zip(pieces, pieces[1:], strict=False):
             end, start = before.joints[-1], piece.joints[0]
             left, approach = self.retracted(end), self.retracted(start)
@@ -214,7 +244,7 @@ class Gun:
                 rapid_blocks(left, approach[None], self.limits),
                 self.fed(approach, start[None]),
                 switch_block(start, Event.ARC_ON),
-                self.fed(start, piece.joints[1:]),
+                self.passed(start, piece.joints[1:]),
             ]
         return PlannedBlocks.joined(parts)
 
@@ -248,6 +278,51 @@ def _trajectory(gun: Gun, sprayed: Sequence[SprayedPass]) -> Trajectory:
     parts.append((sprayed[-1].index, gun.left(at, layer_done=False)))
     passes = np.repeat([index for index, _ in parts], [len(blocks) for _, blocks in parts])
     return PlannedBlocks.joined([blocks for _, blocks in parts]).trajectory(AXES, passes)
+
+
+def laid_out(piece: Piece, setup: SpraySetup) -> Piece:
+    """Return a piece with few nodes, straight from node to node, within the tolerances of P and of the gun's direction.
+
+    As on a course, P stands off its path at a node by as much as midway between two, on the other side.
+    """
+    spray, arcs = setup.spray, piece.arc_lengths
+    if len(arcs) < 3 or not arcs[-1] > arcs[0]:
+        return piece
+    kept = np.append(True, np.diff(arcs) > 0.0)
+    arcs, dense = arcs[kept], piece.joints[kept]
+    axes = gun_axes(dense[:, 3], dense[:, 4])
+    limits = spray.tolerance_mm * MM, spray.tolerance_deg * DEG
+    turn = setup.verification.max_theta_step_deg * DEG
+
+    def excess(ends: Floats) -> Floats:
+        nodes = _nodes(arcs, dense, ends)
+        straight = _between(arcs, ends, nodes)
+        off = np.linalg.norm(straight[:, :3] - dense[:, :3], axis=1) / limits[0]
+        # The excess is to grow with the square of a block's length: the direction lags with the length itself.
+        lean = angles_between(gun_axes(straight[:, 3], straight[:, 4]), axes) / limits[1]
+        worst = np.maximum(off, lean)
+        block = np.clip(np.searchsorted(ends, arcs, side="right") - 1, 0, len(ends) - 2)
+        found = np.zeros(len(ends) - 1)
+        np.maximum.at(found, block, worst)
+        return np.maximum(found, (np.abs(np.diff(nodes[:, 3])) / turn) ** 2)
+
+    layout = even_blocks(arcs, np.zeros(len(arcs) - 1), arcs[[0, -1]], excess)
+    if layout.faulty is not None:
+        return Piece(piece.index, arcs, dense)
+    return Piece(piece.index, layout.ends, _nodes(arcs, dense, layout.ends))
+
+
+def _nodes(arcs: Floats, dense: Floats, ends: Floats) -> Floats:
+    """Return the joint values (m, 5) at block ends (m,) of a path (n, 5) over arc lengths (n,), P balanced about it."""
+    nodes, middles = _between(ends, arcs, dense), _between((ends[1:] + ends[:-1]) / 2.0, arcs, dense)
+    sags = middles[:, :3] - (nodes[1:, :3] + nodes[:-1, :3]) / 2.0
+    nodes[1:-1, :3] += (sags[1:] + sags[:-1]) / 4.0
+    return nodes
+
+
+def _between(at: Floats, places: Floats, values: Floats) -> Floats:
+    """Return values (m, k) at (m,) places by straight interpolation of values (n, k) at places (n,)."""
+    return np.column_stack([np.interp(at, places, column) for column in values.T])
 
 
 def _slowest(gun: Gun, sprayed: SprayedPass) -> Slowdown | None:

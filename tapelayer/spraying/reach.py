@@ -42,7 +42,7 @@ def placement(mesh: Mesh, setup: SpraySetup, machine: Machine) -> tuple[Floats, 
 
 def wrist_of(setup: SpraySetup, machine: Machine) -> Wrist:
     """Return the wrist with the travel, speeds and lean that the gun's direction is limited by."""
-    return Wrist(machine.axis("theta"), machine.axis("phi"), setup.speed, setup.max_deviation)
+    return Wrist(machine.axis("theta"), machine.axis("phi"), setup.speed, setup.planned_deviation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class Reach:
         self.box = np.array([[axis.lower for axis in axes], [axis.upper for axis in axes]])
         self.wrist = wrist_of(setup, machine)
         # Facets whose normals the wrist can reach; a planner may give up more of them.
-        self.facets = reachable(self.wrist, self.normals, np.full(len(self.normals), setup.max_deviation))
+        self.facets = reachable(self.wrist, self.normals, np.full(len(self.normals), setup.planned_deviation))
 
     def segments(self, direction: Floats, heights: Floats) -> tuple[Segments, float]:
         """Return the pieces of plane sections that can be sprayed, and the share of the area beyond the travel.

@@ -77,6 +77,12 @@ class PassSettings(Section, title="Spray"):
         Positive, Field(description="points of a section are left out where the path stays as near to it")
     ] = 0.1
     max_point_spacing_mm: Annotated[Positive, Field(description="from point to point of a pass, at most")] = 10.0
+    tolerance_mm: Annotated[
+        Positive, Field(description="blocks end where P would leave the path by more")
+    ] = 0.5
+    tolerance_deg: Annotated[
+        Positive, Field(description="blocks end where the gun would leave its planned direction by more", lt=15)
+    ] = 2.0
     overrun_mm: Annotated[
         NotNegative, Field(description="straight on over both ends of a pass, arc on, where the travel permits")
     ] = 30.0
@@ -169,7 +175,7 @@ class FootprintSettings(Section, title="Footprint"):
 class SprayVerificationSettings(Section, title="Verification"):
     """What a program must keep; the emitted text is judged."""
 
-    max_position_error_mm: Annotated[Positive, Field(description="P off the smoothed path")] = 0.05
+    max_position_error_mm: Annotated[Positive, Field(description="P off the smoothed path")] = 1.5
     max_theta_step_deg: Annotated[
         Positive, Field(description="turn of theta within one block with the arc on", lt=180)
     ] = 60.0
@@ -256,6 +262,11 @@ class SpraySetup(JobSetup):
     def max_deviation(self) -> float:
         """Return the largest angle of the gun off the surface's normal, radians."""
         return self.spray.max_deviation_deg * DEG
+
+    @property
+    def planned_deviation(self) -> float:
+        """Return the largest angle of the gun off the normal in a plan, radians: the rest is for straight blocks."""
+        return max(self.spray.max_deviation_deg - self.spray.tolerance_deg, self.spray.max_deviation_deg / 2.0) * DEG
 
     def sha256(self, urdf: bytes, profile: bytes) -> str:
         """Return the SHA-256 of the effective values in hexadecimal; files count by content, not by path.
