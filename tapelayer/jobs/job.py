@@ -19,6 +19,7 @@ from tapelayer.arrays import Floats
 from tapelayer.errors import VerificationFailed
 from tapelayer.jobs.stages import READING_BACK, VERIFYING, VERIFYING_PLAN, WRITING
 from tapelayer.machines.machine import Machine
+from tapelayer.motion.corners import Rule
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
@@ -107,6 +108,16 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
     @abstractmethod
     def axes(self) -> tuple[str, ...]:
         """The axes that a program moves."""
+
+    @property
+    def rule(self) -> Rule:
+        """Return how the control turns the blocks of a program into motion."""
+        return self.controller.rule(self.axes)
+
+    @property
+    def timed(self) -> bool:
+        """Whether the time on the control is predicted, with the axes' accelerations."""
+        return is_timed(self.machine, self.controller)
 
     @property
     @abstractmethod
@@ -247,6 +258,11 @@ class _Ticks:
 
     def begin(self, step: str, ticks: int | None = None) -> None:
         """Report nothing."""
+
+
+def is_timed(machine: Machine, controller: Controller) -> bool:
+    """Return whether the time of a machine's programs on a control is predicted, with the axes' accelerations."""
+    return controller.time.corner != "none" and any(np.isfinite(axis.acceleration) for axis in machine.axes)
 
 
 def machine_of(setup: JobSetup, urdf: Path) -> Machine:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
-from tapelayer.arrays import Floats
-from tapelayer.laying.evidence import CutMade, LedgerRow, TapeLedger
+from tapelayer.arrays import Floats, Mask
+from tapelayer.laying.evidence import CutMade, LayingStop, LedgerRow, TapeLedger
 from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
@@ -21,6 +22,8 @@ KNIVES = (("knife_1", Event.KNIFE_1_DOWN, Event.KNIFE_1_UP), ("knife_2", Event.K
 SAME_LINE = 1e-5
 # Largest rounding of the tape drawn from a roll, from the last written digits of u.
 ROLL_DIGIT = 2e-6
+# Fractions of a block at which a lowered knife is looked at.
+SAMPLED_AT = np.linspace(0.0, 1.0, 9)
 # A sweep farther than this from every line that the courses need makes none of these cuts.
 STRAY = 1e-3
 
@@ -37,7 +40,18 @@ class _Line:
 
 @dataclass(frozen=True, eq=False)
 class _KnifePass:
-    """A knife's path on the tape while it is down: (n,) stations, (n,) positions across, (n, 2) blade directions."""
+    """A knife's path on the tape while it is down, as the control rounds it off.
+
+    Attributes:
+        knife: 1 or 2.
+        row: block of the word that lowers it.
+        begin: seconds at which it is down.
+        stations: (n,) metres along the tape.
+        across: (n,) metres from the centre line.
+        blades: (n, 2) directions of the blade.
+        ends: (2,) metres from the centre line at its ends, as programmed.
+        half: half the tape's width, metres.
+    """
 
     knife: int
     row: int
@@ -45,17 +59,27 @@ class _KnifePass:
     stations: Floats
     across: Floats
     blades: Floats
+    ends: Floats
+    half: float
+
+    @property
+    def cutting(self) -> Mask:
+        """Return where (n,) the knife is over the tape; everywhere, if it never is."""
+        over: Mask = np.abs(self.across) <= self.half
+        return over if np.any(over) else np.ones(len(over), np.bool_)
 
     def off(self, line: _Line) -> float:
         """Return the largest distance in metres from a line."""
-        away = self.stations - line.station - self.across / math.tan(line.angle)
+        cutting = self.cutting
+        away = self.stations[cutting] - line.station - self.across[cutting] / math.tan(line.angle)
         return float(np.max(np.abs(away))) * math.sin(line.angle)
 
     def turned(self, line: _Line) -> float:
         """Return the largest angle in radians between blade and line."""
         direction = np.array([-np.cos(line.angle), np.sin(line.angle)])
-        across = self.blades[:, 0] * direction[1] - self.blades[:, 1] * direction[0]
-        return float(np.max(np.abs(np.arctan2(across, self.blades @ direction))))
+        blades = self.blades[self.cutting]
+        across = blades[:, 0] * direction[1] - blades[:, 1] * direction[0]
+        return float(np.max(np.abs(np.arctan2(across, blades @ direction))))
 
 
 def judge_cuts(case: Case) -> tuple[TapeLedger, list[Failure]]:
@@ -64,10 +88,11 @@ def judge_cuts(case: Case) -> tuple[TapeLedger, list[Failure]]:
     fresh = [not index or edges[index + 1] > edges[index] for index in range(len(courses))]
     lines = _lines(case, fresh)
     made, failures = _matched(case, lines, _sweeps(case))
-    rows, overlaps = _ledger(case, fresh, edges, lines, made)
+    stops = [_stops(case, course) for course in courses]
+    rows, overlaps = _ledger(case, fresh, edges, lines, made, [len(own) for own in stops])
     failures += [*overlaps, *_rolls(case)]
     used = courses[-1].station + courses[-1].length - edges[0] if courses else 0.0
-    return TapeLedger(tuple(rows), tuple(made), used, *_shares(case)), failures
+    return TapeLedger(tuple(rows), tuple(made), tuple(chain(*stops)), used, *_shares(case)), failures
 
 
 def _roll_edges(case: Case) -> list[float]:
@@ -107,8 +132,9 @@ def _lines(case: Case, fresh: Sequence[bool]) -> list[_Line]:
 def _sweeps(case: Case) -> list[_KnifePass]:
     """Return the paths of the knives while they are down, in order of time."""
     trajectory, delay = case.trajectory, case.setup.head.delays_ms.knife * 1e-3
-    sweeps = []
+    sweeps: list[_KnifePass] = []
     for knife, (frame, down, up) in enumerate(KNIVES, 1):
+        before = len(sweeps)
         ups = np.flatnonzero(trajectory.events == up)
         spans = []
         for row in np.flatnonzero(trajectory.events == down):
@@ -116,27 +142,36 @@ def _sweeps(case: Case) -> list[_KnifePass]:
             begin = float(trajectory.times[row]) + delay
             end = float(trajectory.times[later[0]]) + delay if len(later) else trajectory.duration
             first, last = np.searchsorted(trajectory.times, [begin, max(begin, end)], side="right")
-            # The moment the knife touches, the end of every block until it lifts, and the moment it lifts.
-            blocks = np.concatenate([[first], np.arange(first, last + 1)])
-            moments = np.concatenate([[begin], trajectory.times[first:last], [max(begin, end)]])
-            spans.append((knife, int(row), begin, blocks, moments))
+            # From the moment the knife touches to the moment it lifts, at places in every block between.
+            edges = np.concatenate([[begin], trajectory.times[first:last], [max(begin, end)]])
+            blocks = np.minimum(np.arange(first, last + 1), len(trajectory) - 1)
+            shares = np.stack([trajectory.fractions(blocks, edges[:-1]), trajectory.fractions(blocks, edges[1:])])
+            spans.append((knife, int(row), begin, blocks, shares))
         if not spans:
             continue
-        blocks = np.minimum(np.concatenate([blocks for *_, blocks, _ in spans]), len(trajectory) - 1)
-        moments = np.concatenate([moments for *_, moments in spans])
-        spent = trajectory.durations[blocks]
-        left = (trajectory.times[blocks] - moments) / np.where(spent > 0.0, spent, 1.0)
-        joints = trajectory.within(blocks, np.clip(1.0 - left, 0.0, 1.0))
-        poses = case.machine.forward_all(joints, ("tape", frame))
-        tape, blade = poses["tape"], poses[frame]
-        # The knife's origin and blade in the tape's axes: stations run against x, across along y.
-        place = np.einsum("nji,nj->ni", tape[:, :3, :3], blade[:, :3, 3] - tape[:, :3, 3])
-        turned = np.einsum("nji,nj->ni", tape[:, :3, :3], blade[:, :3, 1])[:, :2]
-        parts = np.cumsum([len(moments) for *_, moments in spans])[:-1]
-        columns = zip(np.split(-place[:, 0], parts), np.split(place[:, 1], parts), np.split(turned, parts), strict=True)
-        for (number, down_row, begin, *_), (stations, across, blades) in zip(spans, columns, strict=True):
-            sweeps.append(_KnifePass(number, down_row, begin, stations, across, blades))
+        blocks = np.concatenate([blocks for *_, blocks, _ in spans])
+        shares = np.concatenate([shares for *_, shares in spans], axis=1)
+        places = (shares[0] + SAMPLED_AT[:, None] * (shares[1] - shares[0])).T.ravel()
+        rows = np.repeat(blocks, len(SAMPLED_AT))
+        tracks = [_on_tape(case, frame, joints(rows, places)) for joints in (trajectory.rounded, trajectory.within)]
+        counts = [len(SAMPLED_AT) * len(own) for *_, own, _ in spans]
+        for (number, down_row, begin, *_), last in zip(spans, np.cumsum(counts).tolist(), strict=True):
+            own = slice(last - counts[len(sweeps) - before], last)
+            stations, across, blades = (values[own] for values in tracks[0])
+            ends = tracks[1][1][own][[0, -1]]
+            half = case.setup.tape.width_mm / 2 * MM
+            sweeps.append(_KnifePass(number, down_row, begin, stations, across, blades, ends, half))
     return sorted(sweeps, key=lambda sweep: sweep.begin)
+
+
+def _on_tape(case: Case, frame: str, joints: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return stations (n,), places across (n,) in metres and blade directions (n, 2) of a knife at joints (n, k)."""
+    poses = case.machine.forward_all(joints, ("tape", frame))
+    tape, blade = poses["tape"], poses[frame]
+    # The knife's origin and blade in the tape's axes: stations run against x, across along y.
+    place = np.einsum("nji,nj->ni", tape[:, :3, :3], blade[:, :3, 3] - tape[:, :3, 3])
+    turned = np.einsum("nji,nj->ni", tape[:, :3, :3], blade[:, :3, 1])[:, :2]
+    return -place[:, 0], place[:, 1], turned
 
 
 def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -> tuple[list[CutMade], list[Failure]]:
@@ -174,8 +209,11 @@ def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -
             failures.append(Failure(course, point, "cut_error_mm", error / MM, limits.max_cut_error_mm, row))
         if not turned <= limits.max_blade_error_deg * DEG:
             failures.append(Failure(course, point, "blade_error_deg", turned / DEG, limits.max_blade_error_deg, row))
-        side = float(min(-np.min(sweep.across), np.max(sweep.across), abs(sweep.across[0]), abs(sweep.across[-1])))
-        if not side >= sweep_width / 2 - limits.max_cut_error_mm * MM:
+        across = np.append(sweep.across, sweep.ends)
+        side = float(min(-np.min(across), np.max(across), *np.abs(sweep.ends)))
+        # The control may round off a sweep's ends, but not over the tape.
+        rounded = float(min(-np.min(sweep.across), np.max(sweep.across)))
+        if not (side >= sweep_width / 2 - limits.max_cut_error_mm * MM and rounded >= sweep.half):
             failures.append(Failure(course, point, "cut_width_mm", 2 * side / MM, sweep_width / MM, row))
         made.append(
             CutMade(
@@ -194,7 +232,12 @@ def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -
 
 
 def _ledger(
-    case: Case, fresh: Sequence[bool], edges: Sequence[float], lines: Sequence[_Line], made: Sequence[CutMade]
+    case: Case,
+    fresh: Sequence[bool],
+    edges: Sequence[float],
+    lines: Sequence[_Line],
+    made: Sequence[CutMade],
+    stops: Sequence[int],
 ) -> tuple[list[LedgerRow], list[Failure]]:
     """Return the tape by course, and failures of courses whose cuts lie closer together than the angles allow."""
     trajectory, courses, setup = case.trajectory, case.courses, case.setup
@@ -222,7 +265,7 @@ def _ledger(
                 waste_formula=formula,
                 # A rounding error below the formula is no negative waste.
                 waste_knives=max(knives, 0.0),
-                laying_stops=_stops(trajectory, course),
+                laying_stops=stops[index],
                 cuts=tuple(cut.block for cut in made if course.number in (cut.starting, cut.ending)),
             )
         )
@@ -230,14 +273,25 @@ def _ledger(
     return rows, failures
 
 
-def _stops(trajectory: Trajectory, course: Laid) -> int:
-    """Return the number of places where the tape rests while a course is laid."""
+def _stops(case: Case, course: Laid) -> list[LayingStop]:
+    """Return the places where the tape stops while a course is laid: the control's own stops, and rests."""
+    trajectory = case.trajectory
     first, last = np.searchsorted(trajectory.times, [course.begin, course.end], side="right")
     rows = np.arange(first, min(last, len(trajectory)))
-    rows = rows[trajectory.durations[rows] > 0.0]
     u = trajectory.column("u")
-    rests = trajectory.positions[rows, u] == trajectory.begins(rows)[:, u]
-    return int(np.sum(np.diff(rests.astype(np.int8), prepend=np.int8(0)) == 1))
+    fed = trajectory.positions[rows, u] != trajectory.begins(rows)[:, u]
+    feeding = rows[fed]
+    if not len(feeding):
+        return []
+    rests = np.bincount(np.cumsum(fed), trajectory.durations[rows], len(feeding) + 1)[1:] - trajectory.durations[feeding]
+    stands = rests > 0.0
+    if trajectory.clock is not None:
+        stands |= trajectory.clock.stands[feeding]
+    # At the end of a course the tape stops as it should.
+    places = np.flatnonzero(stands[:-1])
+    arcs = trajectory.positions[feeding, u] - case.setup.head.knife_to_nip_mm * MM - course.station
+    lines = trajectory.lines[feeding]
+    return [LayingStop(course.number, float(arcs[i]), float(rests[i]), int(lines[i])) for i in places.tolist()]
 
 
 def _rolls(case: Case) -> list[Failure]:

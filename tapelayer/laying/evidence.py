@@ -86,6 +86,23 @@ class CutMade:
 
 
 @dataclass(frozen=True)
+class LayingStop:
+    """A place where the tape stops while it is laid.
+
+    Attributes:
+        course: number of the course in its file.
+        arc_length: metres along the course.
+        seconds: for which it rests there; 0 where it goes on at once.
+        line: line of the block that ends there, 0 if it was not read from text.
+    """
+
+    course: int
+    arc_length: float
+    seconds: float
+    line: int
+
+
+@dataclass(frozen=True)
 class LedgerRow:
     """The tape of one course, in metres.
 
@@ -96,7 +113,7 @@ class LedgerRow:
         waste_roll: wasted before it between knife and nip, for a new roll.
         waste_formula: wasted before it for the angles and the scrap margin.
         waste_knives: wasted before it until a knife is free for every sweep.
-        laying_stops: number of places where the tape rests while it is laid.
+        laying_stops: number of places where the tape stops while it is laid.
         cuts: blocks (from 1) that lower a knife for its two ends.
     """
 
@@ -117,6 +134,7 @@ class TapeLedger:
     Attributes:
         rows: one per course.
         cuts: in order along the tape.
+        stops: where the tape stops while it is laid, in order.
         used: metres from the first leading edge to the last course's end.
         laying: seconds with the shoe down.
         threading: seconds of feeding with the shoe up.
@@ -125,6 +143,7 @@ class TapeLedger:
 
     rows: tuple[LedgerRow, ...]
     cuts: tuple[CutMade, ...]
+    stops: tuple[LayingStop, ...]
     used: float
     laying: float
     threading: float

@@ -20,6 +20,7 @@ from tapelayer.laying.sampling import LAID_SAMPLE_STEP, Laying, SamplePlaces, la
 from tapelayer.laying.settings import DelaySettings, Setup
 from tapelayer.machines import gantry
 from tapelayer.machines.machine import CHUNK, Machine
+from tapelayer.motion.corners import Rule
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.units import DEG, MM
@@ -36,7 +37,7 @@ from tapelayer.verification.verified import Verified
 NIP_SPEED_MARGIN = 0.01
 # Rounded feeds shift a switch against the motion by microseconds: tape that runs back no farther counts as at rest.
 RUN_BACK = 1e-6
-_NO_TAPE = TapeLedger((), (), 0.0, 0.0, 0.0, 0.0)
+_NO_TAPE = TapeLedger((), (), (), 0.0, 0.0, 0.0, 0.0)
 
 
 def verify(
@@ -71,14 +72,16 @@ class Inspector(Judge[Evidence]):
         courses: in the part's frame.
         setup: the job's values.
         machine: the gantry, with the setup's limits already in it.
+        rule: how the control turns blocks into motion; without it every speed is reached at once.
     """
 
     OF, FRAMES, ROUNDED = "course", ("roller",), 1.0
 
-    def __init__(self, courses: Sequence[Course], setup: Setup, machine: Machine) -> None:
+    def __init__(self, courses: Sequence[Course], setup: Setup, machine: Machine, rule: Rule | None = None) -> None:
         self.setup, self.courses = setup, courses
         self.curves = [CourseSpline(path) for path in courses_in_machine(courses, setup)]
-        super().__init__(machine, machine.axes, [curve.path.number for curve in self.curves], limits_of(setup))
+        numbers = [curve.path.number for curve in self.curves]
+        super().__init__(machine, machine.axes, numbers, limits_of(setup), rule or Rule())
         self.highest = max(float(np.max(curve.path.points[:, 2])) for curve in self.curves)
         self.roller_radius = gantry.lengths(machine).radius
         self.wrap_radius = self.roller_radius if setup.head.wrap_compensation else 0.0

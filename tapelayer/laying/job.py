@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,20 +14,19 @@ from post.controllers import load
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import CourseFileRefused
-from tapelayer.jobs.job import JobResult, MachineJob, machine_of
+from tapelayer.jobs.job import JobResult, MachineJob, is_timed, machine_of
 from tapelayer.jobs.stages import PLANNING
 from tapelayer.laying import page
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.inspection import Inspector
-from tapelayer.laying.limits import NOT_JUDGED
 from tapelayer.laying.program import plan
 from tapelayer.laying.quantities import ROWS
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.progress import Steps
 from tapelayer.provenance import VERSION, Provenance
-from tapelayer.reporting.not_judged import english
-from tapelayer.reporting.quantity import numbers
+from tapelayer.reporting.not_judged import english, unjudged
+from tapelayer.reporting.quantity import beyond_limits, numbers
 from tapelayer.reporting.summary import summary
 from urdf import TAPELAYER
 
@@ -86,7 +85,7 @@ class Job(MachineJob[None, Evidence]):
             source_sha256=hashlib.sha256(data).hexdigest(),
             setup_sha256=setup.sha256(machine.path.read_bytes()),
             version=VERSION,
-            not_judged=english(NOT_JUDGED),
+            not_judged=english(unjudged(is_timed(machine, controller))),
         )
         return Job(setup, machine, controller, provenance, parse_courses(data, name))
 
@@ -108,15 +107,14 @@ class Job(MachineJob[None, Evidence]):
         """
         steps.begin(PLANNING.name, self.parts)
         exclusive = frozenset(joint for axis in self.controller.axes if axis.alone for joint in axis.joints)
-        rule = self.controller.rule(self.machine.names)
-        return None, plan(self.courses, self.setup, self.machine, exclusive, steps.tick, rule)
+        return None, plan(self.courses, self.setup, self.machine, exclusive, steps.tick, self.rule)
 
     def basis(self, steps: Steps) -> None:
         """Return nothing: a program is judged against the courses themselves."""
 
     @cached_property
     def _inspector(self) -> Inspector:
-        return Inspector(self.courses, self.setup, self.machine)
+        return Inspector(self.courses, self.setup, self.machine, self.rule)
 
     def inspector(self, plan: None) -> Inspector:
         """Return the judge of trajectories for these courses."""
@@ -131,7 +129,9 @@ class Job(MachineJob[None, Evidence]):
         remarks: tuple[str, ...],
         steps: Steps,
     ) -> LayingResult:
-        """Return the result of the job."""
+        """Return the result of the job, held against the limits that a setup may leave out."""
+        late = beyond_limits(ROWS, evidence, evidence)
+        evidence = replace(evidence, failures=(*evidence.failures, *late))
         return LayingResult(trajectory, evidence, text, remarks, self)
 
 
@@ -147,7 +147,7 @@ class LayingResult(JobResult[Evidence]):
 
     def report(self) -> dict[str, Any]:
         """Return the report as plain values for JSON; docs/report.md describes every key."""
-        return numbers(ROWS, self.evidence, self.evidence, NOT_JUDGED)
+        return numbers(ROWS, self.evidence, self.evidence, unjudged(self.job.timed))
 
     def summary(self) -> Table:
         """Return the report as a table for a terminal."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 from tapelayer.jobs.kind import BuiltIn, JobKind, Option, Source
 from tapelayer.jobs.stages import PLANNING, READING, READING_BACK, SAVING, VERIFYING, VERIFYING_PLAN, WRITING
 from tapelayer.laying.job import Job
-from tapelayer.laying.limits import NOT_JUDGED, limits_of
+from tapelayer.laying.limits import limits_of
+from tapelayer.reporting.not_judged import unjudged
 from tapelayer.laying.quantities import ROWS
 from tapelayer.laying.scene import scene
 from tapelayer.laying.settings import Setup
@@ -32,7 +33,7 @@ KIND = JobKind(
     read=Job.read,
     rows=ROWS,
     limits=limits_of,
-    not_judged=NOT_JUDGED,
+    not_judged=unjudged(timed=True),
     making={READING: 4, PLANNING: 25, VERIFYING_PLAN: 13, WRITING: 2, READING_BACK: 2, VERIFYING: 12, SAVING: 42},
     judging={READING: 20, READING_BACK: 20, VERIFYING: 50, SAVING: 10},
     scene=scene,

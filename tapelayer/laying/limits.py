@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 from tapelayer.laying.settings import Setup
-from tapelayer.reporting.not_judged import ACCELERATION, COLLISION, CONTROL_TIME
 from tapelayer.verification.limits import Limit, Limits
-
-# What no measurement of this machine's programs covers.
-NOT_JUDGED = (COLLISION, ACCELERATION, CONTROL_TIME)
 
 LIMITED = (
     "max_position_error_mm",
@@ -32,6 +28,8 @@ def limits_of(setup: Setup) -> Limits:
     limits = setup.verification
     free = POSE - limits.model_fields_set if setup.process.kinematics == "published" else frozenset()
     resolved = {key: Limit(getattr(limits, key), key not in free) for key in LIMITED}
+    if limits.max_stops_while_laying is not None:
+        resolved["laying_stops"] = Limit(limits.max_stops_while_laying)
     if limits.min_speed_share is not None:
         resolved["speed_share"] = Limit(limits.min_speed_share, least=True)
     return resolved

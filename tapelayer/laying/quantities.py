@@ -11,12 +11,14 @@ from tapelayer.arrays import Floats, Ints
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.tape_ledger import listed_courses, time_shares
 from tapelayer.reporting.quantity import Group, Listing, Quantity, Row, Style, count
-from tapelayer.reporting.words import Words
+from tapelayer.reporting.words import NONE, Words
 from tapelayer.units import DEG, MM, json_number
 
-# Failures of a knife that is where it must not be, or is not where it must be.
 # A step at this share of the set speed counts as laid at set speed.
 AT_SPEED = 0.95
+# Of a block shorter than this, in metres, rounded digits do not tell the speed.
+LEAST_LENGTH = 1e-3
+# Failures of a knife that is where it must not be, or is not where it must be.
 KNIFE_FAILURE = re.compile(
     r"knife_[12]_(switched_again|left_on|off_every_cut_mm)|(rapid|stop)_with_knife_[12]_on"
     r"|cuts_made|cut_width_mm|axis_[vq]_mm"
@@ -71,24 +73,71 @@ def _lay_speeds(evidence: Evidence) -> tuple[Ints, Floats, Floats]:
         return steps, lengths, lengths / times
 
 
-def speed_share(evidence: Evidence) -> float:
-    """Return the share of the laid length at set speed; NaN if nothing was laid."""
+def _asked_speeds(evidence: Evidence) -> tuple[Ints, Floats, Floats]:
+    """Return blocks (m,) of the courses, by their last samples, with lengths in metres and the speeds asked for in m/s."""
+    samples = evidence.samples
+    ends = np.flatnonzero(samples.block_ends)
+    lengths, times = np.diff(samples.arc_lengths[ends]), np.diff(samples.asked[ends])
+    blocks = np.flatnonzero((np.diff(samples.courses[ends]) == 0) & (lengths > LEAST_LENGTH) & (times > 0.0))
+    return ends[blocks], lengths[blocks], lengths[blocks] / times[blocks]
+
+
+def _least(speeds: Floats) -> float:
+    return float(np.min(speeds)) if len(speeds) else math.nan
+
+
+def _share(evidence: Evidence, speed: float) -> float:
+    """Return the share of the laid length at a speed in m/s on the control, or near it; NaN if nothing was laid."""
     _, lengths, speeds = _lay_speeds(evidence)
     whole = float(np.sum(lengths))
-    return float(np.sum(lengths[speeds >= AT_SPEED * evidence.lay_speed])) / whole if whole > 0.0 else math.nan
+    return float(np.sum(lengths[speeds >= AT_SPEED * speed])) / whole if whole > 0.0 else math.nan
 
 
-def _slowest_laying(evidence: Evidence) -> dict[str, float | int | None] | None:
-    """Return the place where the tape is laid most slowly, rests aside; None if nothing was laid."""
-    steps, _, speeds = _lay_speeds(evidence)
-    if not len(steps):
+def speed_share(evidence: Evidence) -> float:
+    """Return the share of the laid length at set speed; NaN if nothing was laid."""
+    return _share(evidence, evidence.lay_speed)
+
+
+def _median_speed(evidence: Evidence) -> float:
+    """Return the speed in m/s that half of the laid length exceeds; NaN if nothing was laid."""
+    _, lengths, speeds = _lay_speeds(evidence)
+    if not len(lengths):
+        return math.nan
+    order = np.argsort(speeds)
+    laid = np.cumsum(lengths[order])
+    return float(speeds[order][np.searchsorted(laid, laid[-1] / 2.0)])
+
+
+def _slowest(evidence: Evidence, rows: Ints, lengths: Floats, speeds: Floats) -> dict[str, float | int | None] | None:
+    """Return the place of the least speed, rests aside; None if nothing was laid.
+
+    Args:
+        evidence: with the samples.
+        rows: (m,) samples at which stretches begin.
+        lengths: (m,) metres of these stretches.
+        speeds: (m,) m/s over them.
+    """
+    if not len(rows):
         return None
-    row = int(steps[np.argmin(speeds)])
+    row = int(rows[np.argmin(speeds)])
     return {
         "course": evidence.tape.rows[int(evidence.samples.courses[row])].course if evidence.tape.rows else 0,
         "arc_length_mm": json_number(float(evidence.samples.arc_lengths[row]) / MM),
         "speed_mm_per_s": json_number(float(np.min(speeds)) / MM),
     }
+
+
+def _stops(evidence: Evidence) -> list[dict[str, float | int | None]]:
+    """Return the places where the tape stops while it is laid."""
+    return [
+        {
+            "course": stop.course,
+            "arc_length_mm": json_number(stop.arc_length / MM),
+            "rest_s": json_number(stop.seconds),
+            **({"line": stop.line} if stop.line else {}),
+        }
+        for stop in evidence.tape.stops
+    ]
 
 
 def _knife_conflicts(evidence: Evidence) -> int:
@@ -130,11 +179,19 @@ ROWS: tuple[Row[Evidence], ...] = (
         ),
         _knife_conflicts,
     ),
-    count(
+    Quantity(
         "laying_stops",
         Words("stops while laying", "铺放中停顿"),
-        Words("places where the tape rests while it is laid", "铺放过程中带料停住的位置数"),
-        lambda e: sum(row.laying_stops for row in e.tape.rows),
+        Words(
+            "places where the tape stops while it is laid: where it rests, and where the control comes to a full stop",
+            "铺放过程中带料停住的位置数：带料静止处及数控系统完全停止处",
+        ),
+        "",
+        0,
+        lambda e: len(e.tape.stops),
+        Group.FACT,
+        Style.COUNT,
+        optional=True,
     ),
     Quantity(
         "laid_length_m",
@@ -150,7 +207,8 @@ ROWS: tuple[Row[Evidence], ...] = (
         "duration_s",
         Words("duration", "时长"),
         Words(
-            "time of the program; rapids count with the machine's speed limits", "程序用时；快移按机床各轴速度上限计算"
+            "time of the program on its control, by `time_law`; without accelerations every axis reaches its speed at once",
+            "程序在其数控系统上的用时，按 `time_law` 计算；未给加速度时各轴视为立即达到速度",
         ),
         "s",
         1,
@@ -158,6 +216,18 @@ ROWS: tuple[Row[Evidence], ...] = (
         Group.FACT,
         required=True,
         headline=True,
+    ),
+    Quantity(
+        "asked_s",
+        Words("time asked for", "指令用时"),
+        Words(
+            "time that the program's words ask for, without ramps and stops",
+            "程序指令要求的用时，不含加减速与停顿",
+        ),
+        "s",
+        1,
+        lambda e: e.asked,
+        Group.FACT,
     ),
     Quantity(
         "tape_used_mm",
@@ -366,11 +436,45 @@ ROWS: tuple[Row[Evidence], ...] = (
         required=True,
     ),
     Quantity(
+        "planned_laying_speed_mm_per_s",
+        Words("planned laying speed", "计划铺放速度"),
+        Words(
+            "least speed that the program's words ask of the nip along the courses, ramps aside; `slowest_planned` has "
+            "its place",
+            "程序指令在各道次上要求压点达到的最低速度，不含加减速；位置见 `slowest_planned`",
+        ),
+        "mm/s",
+        1,
+        lambda e: _least(_asked_speeds(e)[2]) / MM,
+        absent=NONE,
+    ),
+    Quantity(
+        "median_laying_speed_mm_per_s",
+        Words("median laying speed", "铺放速度中位数"),
+        Words("half of the laid length is laid faster than this on the control", "一半铺放长度的实际速度高于此值"),
+        "mm/s",
+        1,
+        lambda e: _median_speed(e) / MM,
+        absent=NONE,
+    ),
+    Quantity(
+        "max_laying_speed_mm_per_s",
+        Words("top laying speed", "最高铺放速度"),
+        Words(
+            "greatest speed of the tape on the control, which where blocks overlap can exceed the speed that is set",
+            "数控系统上带料的最高速度；程序段重叠处可能超过设定速度",
+        ),
+        "mm/s",
+        1,
+        lambda e: _largest(e.samples.speeds) / MM,
+        absent=NONE,
+    ),
+    Quantity(
         "speed_share",
         Words("share at set speed", "达速比例"),
         Words(
-            "share of the laid length at 95 % of the laying speed or more, by the program's own times",
-            "按程序自身用时，速度不低于铺放速度 95 % 的铺放长度所占比例",
+            "share of the laid length at 95 % of the laying speed or more, on the control",
+            "数控系统上速度不低于铺放速度 95 % 的铺放长度所占比例",
         ),
         "",
         3,
@@ -378,7 +482,23 @@ ROWS: tuple[Row[Evidence], ...] = (
         Group.ERROR,
         optional=True,
     ),
-    Listing("slowest_laying", _slowest_laying),
+    Quantity(
+        "planned_speed_share",
+        Words("share at planned speed", "达计划速度比例"),
+        Words(
+            "the same of 95 % of `planned_laying_speed_mm_per_s`",
+            "同上，以 `planned_laying_speed_mm_per_s` 的 95 % 计",
+        ),
+        "",
+        3,
+        lambda e: _share(e, _least(_asked_speeds(e)[2])),
+        Group.ERROR,
+        absent=NONE,
+    ),
+    Listing("time_law", lambda e: e.time_law),
+    Listing("slowest_planned", lambda e: _slowest(e, *_asked_speeds(e))),
+    Listing("slowest_laying", lambda e: _slowest(e, *_lay_speeds(e))),
+    Listing("stops", _stops),
     Listing("time_shares", lambda e: time_shares(e.tape), required=True),
     Listing("program_sha256", lambda e: e.program_sha256),
     Listing("tape", lambda e: listed_courses(e.tape), required=True),

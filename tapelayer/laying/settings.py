@@ -119,6 +119,10 @@ class VerificationSettings(Section, title="Verification"):
         Positive | None,
         Field(description="share of the laid length at 95 % of the laying speed or more; without it not judged", le=1),
     ] = None
+    max_stops_while_laying: Annotated[
+        int | None,
+        Field(description="stops of the tape while it is laid; without it not judged", ge=0, strict=True),
+    ] = None
 
 
 class LayOutputSettings(OutputSettings, title="Output"):

@@ -185,14 +185,19 @@ class Trajectory(Frozen):
             strict=True,
         ):
             turned = np.flatnonzero(off > 0.0)
-            values[turned] += off[turned, None] * (self._direction(after[turned]) - self._direction(before[turned]))
+            values[turned] += off[turned, None] * (self.directions(after[turned]) - self.directions(before[turned]))
         return values
 
-    def _direction(self, blocks: Ints) -> Floats:
-        """Return the change (m, k) of every axis per unit of the path of blocks (m,)."""
-        assert self.clock is not None
+    def directions(self, blocks: Ints) -> Floats:
+        """Return the change (m, k) of every axis per unit of the path of blocks (m,) that move.
+
+        Raises:
+            ValueError: the time law was not asked, so no path is known.
+        """
+        if self.clock is None:
+            raise ValueError("a trajectory has paths only after the time law was asked")
         lengths = self.clock.reached[blocks + 1] - self.clock.reached[blocks]
-        directions: Floats = (self.positions[blocks] - self.begins(blocks)) / lengths[:, None]
+        directions: Floats = np.nan_to_num(self.positions[blocks] - self.begins(blocks)) / lengths[:, None]
         return directions
 
     def column(self, axis: str) -> int:

@@ -9,6 +9,18 @@ ACCELERATION = Words("acceleration", "加速度")
 CONTROL_TIME = Words("the control's own time", "数控系统的实际用时")
 
 
+def unjudged(timed: bool) -> tuple[Words, ...]:
+    """Return what no verdict covers.
+
+    Args:
+        timed: whether the time on the control is predicted, with the axes' accelerations.
+
+    >>> english(unjudged(timed=True)), english(unjudged(timed=False))
+    (('collision',), ('collision', 'acceleration', "the control's own time"))
+    """
+    return (COLLISION,) if timed else (COLLISION, ACCELERATION, CONTROL_TIME)
+
+
 def english(names: tuple[Words, ...]) -> tuple[str, ...]:
     """Return the English names of what is not judged.
 

@@ -13,7 +13,7 @@ from tapelayer.reporting.not_judged import english
 from tapelayer.reporting.words import NOT_MEASURED, Words, shown
 from tapelayer.units import json_number
 from tapelayer.verification.axis_use import AxisUse
-from tapelayer.verification.failures import Findings
+from tapelayer.verification.failures import Failure, Findings
 from tapelayer.verification.limits import Limits
 
 Measured = TypeVar("Measured")
@@ -169,6 +169,23 @@ def free(rows: Sequence[Row[Measured]], limits: Limits) -> list[Quantity[Measure
     return [row for row in quantities(rows) if row.optional and row.key not in limits]
 
 
+def beyond_limits(rows: Sequence[Row[Measured]], measured: Measured, findings: Findings) -> tuple[Failure, ...]:
+    """Return a failure for each row that breaks a limit which a setup may set or leave out.
+
+    Args:
+        rows: of the kind of machine.
+        measured: measurements from which the rows take their values; a row without a value breaks nothing.
+        findings: with the limits of the setup.
+    """
+    failures = []
+    for row in quantities(rows):
+        limit = findings.limits.get(row.key)
+        value = row.measure(measured) if row.optional and limit is not None else None
+        if limit is not None and value is not None and not limit.kept(value):
+            failures.append(Failure(0, 0, row.failure, value, limit.value, of=findings.PART))
+    return tuple(failures)
+
+
 def numbers(
     rows: Sequence[Row[Measured]], measured: Measured, findings: Findings, not_judged: tuple[Words, ...] = ()
 ) -> dict[str, Any]:
@@ -206,7 +223,7 @@ def numbers(
 
 
 def _unmeasured(axis: AxisUse) -> Iterator[str]:
-    travel, speed = axis.failures
+    travel, speed, _ = axis.failures
     if not (math.isfinite(axis.least) and math.isfinite(axis.greatest)):
         yield travel
     if not math.isfinite(axis.top_speed):

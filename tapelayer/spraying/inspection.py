@@ -62,11 +62,9 @@ class SprayInspector(Judge[SprayEvidence]):
         machine: Machine,
         rule: Rule | None = None,
     ) -> None:
-        super().__init__(
-            machine, [machine.axis(name) for name in AXES], [one.path.number for one in passes], limits_of(setup)
-        )
+        axes, numbers = [machine.axis(name) for name in AXES], [one.path.number for one in passes]
+        super().__init__(machine, axes, numbers, limits_of(setup), rule or Rule())
         self.passes, self.splits, self.mesh, self.setup = passes, splits, mesh, setup
-        self.rule = rule or Rule()
         self.normals, self.triangles = mesh.upward_normals, mesh.vertices[mesh.facets]
         self.outline = PlanCoverage(mesh)
         self.slack = setup.verification.max_position_error_mm * MM

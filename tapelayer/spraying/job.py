@@ -15,13 +15,13 @@ from tapelayer.arrays import Floats
 from tapelayer.errors import MeshRefused
 from tapelayer.geometry.mesh import Mesh, Unit
 from tapelayer.geometry.stl import parse_mesh
-from tapelayer.jobs.job import JobResult, MachineJob, machine_of
+from tapelayer.jobs.job import JobResult, MachineJob, is_timed, machine_of
 from tapelayer.jobs.stages import COATING, PLANNING, SLICING
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import Steps
 from tapelayer.provenance import VERSION, Provenance, sealed
-from tapelayer.reporting.not_judged import english
+from tapelayer.reporting.not_judged import english, unjudged
 from tapelayer.reporting.quantity import numbers
 from tapelayer.reporting.summary import summary
 from tapelayer.spraying import page
@@ -29,7 +29,6 @@ from tapelayer.spraying.coat import coat_of
 from tapelayer.spraying.evidence import SprayEvidence
 from tapelayer.spraying.footprint import footprint_of
 from tapelayer.spraying.inspection import SprayInspector
-from tapelayer.spraying.limits import NOT_JUDGED
 from tapelayer.spraying.pass_planning import plan_passes
 from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.pitch import widest_pitch
@@ -104,7 +103,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             setup_sha256=setup.sha256(machine.path.read_bytes(), profile),
             version=VERSION,
             notes=(f"model in {unit}", *setup.process.notes()),
-            not_judged=english(NOT_JUDGED),
+            not_judged=english(unjudged(is_timed(machine, controller))),
         )
         return SprayJob(setup, machine, controller, provenance, mesh)
 
@@ -168,12 +167,11 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         passes = self.pass_plan.passes
         steps.begin(PLANNING.name, len(passes))
         highest = float(np.max(self.mesh.vertices[:, 2]))
-        return spray(passes, self.setup, self.machine, highest, steps.tick, self.controller.rule(AXES))
+        return spray(passes, self.setup, self.machine, highest, steps.tick, self.rule)
 
     def inspector(self, plan: Spraying) -> SprayInspector:
         """Return the judge of trajectories for these passes."""
-        rule = self.controller.rule(AXES)
-        return SprayInspector(self.pass_plan.passes, plan.splits, self.mesh, self.setup, self.machine, rule)
+        return SprayInspector(self.pass_plan.passes, plan.splits, self.mesh, self.setup, self.machine, self.rule)
 
     def levels(self) -> dict[Event, float]:
         """Return the level that goes with the word for the arc: the current, if the setup gives one."""
@@ -224,7 +222,7 @@ class SprayResult(JobResult[SprayEvidence]):
 
     def report(self) -> dict[str, Any]:
         """Return the report as plain values for JSON; docs/spray.md describes every key."""
-        return numbers(ROWS, self.judged, self.evidence, NOT_JUDGED)
+        return numbers(ROWS, self.judged, self.evidence, unjudged(self.job.timed))
 
     def summary(self) -> Table:
         """Return the report as a table for a terminal."""

@@ -20,7 +20,8 @@ from tapelayer.jobs.stages import (
 from tapelayer.machines import wrist
 from tapelayer.machines.machine import Machine
 from tapelayer.spraying.job import SprayJob
-from tapelayer.spraying.limits import NOT_JUDGED, limits_of
+from tapelayer.spraying.limits import limits_of
+from tapelayer.reporting.not_judged import unjudged
 from tapelayer.spraying.quantities import ROWS
 from tapelayer.spraying.scene import scene
 from tapelayer.spraying.settings import SpraySetup
@@ -53,7 +54,7 @@ KIND = JobKind(
     read=SprayJob.read,
     rows=ROWS,
     limits=limits_of,
-    not_judged=NOT_JUDGED,
+    not_judged=unjudged(timed=True),
     making={
         READING: 1,
         SLICING: 3,

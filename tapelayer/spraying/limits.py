@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from tapelayer.reporting.not_judged import ACCELERATION, COLLISION, CONTROL_TIME
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.verification.limits import Limit, Limits
-
-# What no measurement of this machine's programs covers.
-NOT_JUDGED = (COLLISION, ACCELERATION, CONTROL_TIME)
 
 
 def limits_of(setup: SpraySetup) -> Limits:
@@ -23,6 +19,7 @@ def limits_of(setup: SpraySetup) -> Limits:
         "coverage_percent": (verification.min_coverage_percent, True),
         "cv_percent": (verification.max_thickness_deviation_percent, False),
         "speed_share": (verification.min_speed_share, True),
+        "spraying_stops": (verification.max_stops_while_spraying, False),
     }
     return {
         "max_deviation_deg": Limit(setup.spray.max_deviation_deg),

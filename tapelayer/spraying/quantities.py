@@ -11,14 +11,13 @@ import numpy as np
 
 from tapelayer.arrays import Floats
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.reporting.quantity import Group, Listing, Quantity, Row, Style, count, quantities
+from tapelayer.reporting.quantity import Group, Listing, Quantity, Row, Style, beyond_limits, count
 from tapelayer.reporting.words import NONE, Words
 from tapelayer.spraying.coat import Coat
 from tapelayer.spraying.evidence import SprayEvidence, SpraySamples
 from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.program import Slowdown
 from tapelayer.units import DEG, MM, json_number
-from tapelayer.verification.failures import Failure
 
 # A gun with this share of its set speed is at speed.
 AT_SPEED = 0.95
@@ -75,16 +74,7 @@ def _speed_share(judged: Judged) -> float:
 def limited(judged: Judged) -> SprayEvidence:
     """Return the evidence with a failure for each limit that only the finished coat can be held against."""
     evidence = judged.evidence
-    failures = []
-    for row in quantities(ROWS):
-        limit = evidence.limits.get(row.key)
-        if not row.optional or limit is None:
-            continue
-        value = row.measure(judged)
-        nothing = row.key == "max_crease_deviation_deg" and not np.any(judged.samples.exempt)
-        if not nothing and not limit.kept(value):
-            failures.append(Failure(0, 0, row.failure, math.nan if value is None else value, limit.value, of="pass"))
-    return replace(evidence, failures=(*evidence.failures, *failures))
+    return replace(evidence, failures=(*evidence.failures, *beyond_limits(ROWS, judged, evidence)))
 
 
 def _splits(judged: Judged) -> list[dict[str, Any]]:

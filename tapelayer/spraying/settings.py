@@ -192,6 +192,10 @@ class SprayVerificationSettings(Section, title="Verification"):
         Positive | None,
         Field(description="share of the sprayed length at 95 % of the set speed or more; without it not judged", le=1),
     ] = None
+    max_stops_while_spraying: Annotated[
+        int | None,
+        Field(description="stops of the gun with the arc on; without it not judged", ge=0, strict=True),
+    ] = None
 
 
 class SprayOutputSettings(OutputSettings, title="Output"):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tapelayer.arrays import Floats
+from tapelayer.arrays import Floats, Ints
 from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.units import DEG, MM, json_number
 from tapelayer.verification.breach import Breach
@@ -32,8 +33,10 @@ class AxisUse:
         greatest: largest value.
         lower: lower end of travel.
         upper: upper end of travel.
-        top_speed: highest speed in a feed block.
+        top_speed: highest speed that a feed block asks for.
         speed_limit: the axis's speed limit.
+        top_acceleration: highest acceleration on the control, in ramps and over corners; NaN where it is not predicted.
+        acceleration_limit: the axis's acceleration; inf where none is stated.
     """
 
     name: str
@@ -44,6 +47,8 @@ class AxisUse:
     upper: float
     top_speed: float
     speed_limit: float
+    top_acceleration: float = math.nan
+    acceleration_limit: float = math.inf
 
     @property
     def margin(self) -> float:
@@ -61,9 +66,10 @@ class AxisUse:
         return 1 / DEG if self.revolute else 1 / MM
 
     @property
-    def failures(self) -> tuple[str, str]:
-        """Names of failures of its travel and of its speed."""
-        return f"axis_{self.name}_{self.unit}", f"axis_{self.name}_speed_{self.unit}_per_s"
+    def failures(self) -> tuple[str, str, str]:
+        """Names of failures of its travel, of its speed and of its acceleration."""
+        name, unit = f"axis_{self.name}", self.unit
+        return f"{name}_{unit}", f"{name}_speed_{unit}_per_s", f"{name}_acceleration_{unit}_per_s2"
 
     def values(self) -> dict[str, Any]:
         """Return the axis for JSON, in its unit."""
@@ -75,6 +81,8 @@ class AxisUse:
             "margin": self.margin,
             "max_speed": self.top_speed,
             "speed_limit": self.speed_limit,
+            "max_acceleration": self.top_acceleration,
+            "acceleration_limit": self.acceleration_limit,
         }
         return {"unit": self.unit, **{key: json_number(value * self.scale) for key, value in values.items()}}
 
@@ -82,7 +90,7 @@ class AxisUse:
 def axes_used(
     trajectory: Trajectory, axes: Sequence[Axis], digits: Floats, rounding: Floats
 ) -> tuple[tuple[AxisUse, ...], list[Breach]]:
-    """Return travel and speed of every axis, and the worst block of each that exceeds its limits.
+    """Return travel, speed and acceleration of every axis, and the worst block of each that exceeds its limits.
 
     Args:
         trajectory: planned, or read back from a program.
@@ -94,6 +102,7 @@ def axes_used(
     feeding = np.flatnonzero(np.isin(trajectory.kinds, (Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     begins, ends = trajectory.begins(feeding), trajectory.positions[feeding]
     spans = trajectory.requested[feeding]
+    ramped, accelerations = _accelerations(trajectory)
     for column, axis in enumerate(axes):
         values = trajectory.positions[:, column]
         stated = values[~np.isnan(values)]
@@ -102,8 +111,11 @@ def axes_used(
         with np.errstate(divide="ignore", invalid="ignore"):
             speeds = np.where(steps > rounding[column], (steps - rounding[column]) / spans, 0.0)
         top = float(np.max(speeds, initial=0.0))
-        use = AxisUse(axis.name, axis.revolute, least, greatest, axis.lower, axis.upper, top, axis.speed)
-        travel, speed = use.failures
+        steepest = float(np.max(accelerations[:, column], initial=0.0)) if trajectory.clock else math.nan
+        use = AxisUse(
+            axis.name, axis.revolute, least, greatest, axis.lower, axis.upper, top, axis.speed, steepest, axis.acceleration
+        )
+        travel, speed, acceleration = use.failures
         inside = (stated >= axis.lower - digits[column] / 2) & (stated <= axis.upper + digits[column] / 2)
         if not np.all(inside):
             row = int(np.argmax(np.nan_to_num(np.maximum(axis.lower - values, values - axis.upper), nan=-np.inf)))
@@ -112,5 +124,27 @@ def axes_used(
         if not top <= axis.speed * (1 + FEED_DIGITS):
             row = int(feeding[np.argmax(np.nan_to_num(speeds, nan=np.inf))])
             breaches.append(Breach(row, speed, top * use.scale, axis.speed * use.scale))
+        if steepest > axis.acceleration * (1 + FEED_DIGITS):
+            row = int(ramped[np.argmax(accelerations[:, column])])
+            breaches.append(Breach(row, acceleration, steepest * use.scale, axis.acceleration * use.scale))
         uses.append(use)
     return tuple(uses), breaches
+
+
+def _accelerations(trajectory: Trajectory) -> tuple[Ints, Floats]:
+    """Return blocks (m,) in which the speed changes, and the largest acceleration (m, k) of each axis in each.
+
+    A block's ramps, and its blend into the next: there one brakes while the other starts.
+    """
+    clock = trajectory.clock
+    if clock is None:
+        return np.zeros(0, np.int64), np.zeros((0, len(trajectory.axes)))
+    ramped = np.flatnonzero(clock.ramps > 0.0)
+    found = np.abs(trajectory.directions(ramped)) * clock.ramps[ramped, None]
+    if clock.blends is None:
+        return ramped, found
+    blends = clock.blends
+    joined = np.flatnonzero(blends.overlaps > 0.0)
+    following = trajectory.directions(blends.following[joined]) * blends.starting[joined, None]
+    over = np.abs(following - trajectory.directions(joined) * blends.braking[joined, None])
+    return np.append(ramped, joined), np.vstack([found, over])

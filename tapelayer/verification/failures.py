@@ -52,7 +52,9 @@ class Findings:
 
     Attributes:
         blocks: blocks in the program.
-        duration: of the program, seconds.
+        duration: of the program on its control, seconds.
+        asked: seconds that its words ask for.
+        time_law: the rule by which the time on the control is predicted.
         forward_disagreement: largest difference between Pinocchio itself and the batch evaluator, metres.
         axes: travel and speed of every axis.
         limits: of the setup, by quantity.
@@ -62,6 +64,8 @@ class Findings:
 
     blocks: int
     duration: float
+    asked: float
+    time_law: str
     forward_disagreement: float
     axes: tuple[AxisUse, ...]
     limits: Limits

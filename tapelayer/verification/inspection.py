@@ -10,6 +10,7 @@ import numpy as np
 
 from tapelayer.arrays import Floats, Mask
 from tapelayer.machines.machine import Axis, Machine
+from tapelayer.motion.corners import Rule
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.verification.axis_use import axes_used
@@ -20,6 +21,8 @@ from tapelayer.verification.limits import Limits
 from tapelayer.verification.verified import Verified
 
 FindingsT = TypeVar("FindingsT", bound=Findings)
+# The law of a machine or control that states no accelerations: every axis reaches its speed at once.
+SPEEDS_ONLY = "speeds only"
 
 
 class Judge(ABC, Generic[FindingsT]):
@@ -30,6 +33,7 @@ class Judge(ABC, Generic[FindingsT]):
         axes: those of its axes that a program moves, in the order of its columns.
         numbers: of the courses or passes, by index.
         limits: of the setup.
+        rule: how the control turns blocks into motion.
     """
 
     # The kind of part that the numbers count, the frames to measure, and the number of last written digits by which
@@ -38,8 +42,10 @@ class Judge(ABC, Generic[FindingsT]):
     FRAMES: ClassVar[tuple[str, ...]]
     ROUNDED: ClassVar[float]
 
-    def __init__(self, machine: Machine, axes: Sequence[Axis], numbers: Sequence[int], limits: Limits) -> None:
-        self.machine, self.axes, self.numbers, self.limits = machine, axes, numbers, limits
+    def __init__(
+        self, machine: Machine, axes: Sequence[Axis], numbers: Sequence[int], limits: Limits, rule: Rule
+    ) -> None:
+        self.machine, self.axes, self.numbers, self.limits, self.rule = machine, axes, numbers, limits, rule
 
     def verify(
         self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent
@@ -60,6 +66,12 @@ class Judge(ABC, Generic[FindingsT]):
     @abstractmethod
     def judge(self, trajectory: Trajectory, resolution: Floats | None = None, tick: Tick = silent) -> FindingsT:
         """Return the evidence on a trajectory, failures included; arguments as `verify`."""
+
+    @property
+    def _time_law(self) -> str:
+        """Name of the rule by which time is predicted."""
+        ramped = any(np.isfinite(axis.acceleration) for axis in self.axes)
+        return self.rule.corner if ramped and self.rule.corner != "none" else SPEEDS_ONLY
 
     def _digits(self, resolution: Floats | None) -> Floats:
         return np.zeros(len(self.axes)) if resolution is None else resolution
@@ -91,6 +103,8 @@ class Judge(ABC, Generic[FindingsT]):
         return Findings(
             blocks=len(trajectory),
             duration=trajectory.duration,
+            asked=float(np.sum(trajectory.requested)),
+            time_law=self._time_law,
             forward_disagreement=disagreement,
             axes=axes,
             limits=self.limits,

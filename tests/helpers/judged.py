@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from tapelayer.laying.evidence import CutMade, Evidence, LedgerRow, Samples, TapeLedger
-from tapelayer.laying.limits import NOT_JUDGED, limits_of
+from tapelayer.laying.evidence import CutMade, Evidence, LayingStop, LedgerRow, Samples, TapeLedger
+from tapelayer.laying.limits import limits_of
 from tapelayer.laying.quantities import ROWS
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Kind, Trajectory
+from tapelayer.reporting.not_judged import unjudged
 from tapelayer.reporting.quantity import numbers
 from tapelayer.verification.axis_use import AxisUse
 
@@ -67,6 +68,9 @@ def cut(station: float, degrees: float, knife: int, ending: int = 0, starting: i
     )
 
 
+STOPS = (LayingStop(3, 0.25, 0.0, 12), LayingStop(17, 0.5, 0.5, 31), LayingStop(17, 0.75, 0.0, 34))
+
+
 def worn() -> TapeLedger:
     """Two courses, a new roll before the second: of two metres a quarter is waste."""
     rows = (
@@ -79,7 +83,7 @@ def worn() -> TapeLedger:
         cut(1.0, 135.0, 2, starting=17),
         cut(2.0, 30.0, 1, ending=17),
     )
-    return TapeLedger(rows, cuts, 2.0, 3.0, 0.75, 0.25)
+    return TapeLedger(rows, cuts, STOPS, 2.0, 3.0, 0.75, 0.25)
 
 
 def ledger(*numbers: int) -> TapeLedger:
@@ -90,7 +94,7 @@ def ledger(*numbers: int) -> TapeLedger:
         for i, number in enumerate(numbers)
     )
     cuts = (cut(0.75 * i, 45.0, 1 + i % 2, *pair) for i, pair in enumerate(zip(*ends, strict=True)))
-    return TapeLedger(tuple(rows), tuple(cuts), 0.75 * len(numbers), 3.0, 0.75, 0.25)
+    return TapeLedger(tuple(rows), tuple(cuts), (), 0.75 * len(numbers), 3.0, 0.75, 0.25)
 
 
 def evidence(**changes: object) -> Evidence:
@@ -100,6 +104,8 @@ def evidence(**changes: object) -> Evidence:
         blocks=5,
         laid_length=1.5,
         duration=4.0,
+        asked=3.5,
+        time_law="look_ahead",
         tape_taken_back=0.003,
         least_link_clearance=0.048,
         forward_disagreement=2e-16,
@@ -118,7 +124,7 @@ def evidence(**changes: object) -> Evidence:
 def numbers_of(evidence: Evidence) -> dict[str, Any]:
     """The report on a program with this hash."""
     named = replace(evidence, program_sha256=SHA256)
-    return numbers(ROWS, named, named, NOT_JUDGED)
+    return numbers(ROWS, named, named, unjudged(timed=True))
 
 
 def trajectory(n: int = 5) -> Trajectory:
