@@ -307,13 +307,12 @@ def _laying(task: LayingTask, course: int, joints: Floats, arcs: Floats, roller_
     travelled = arcs[before] + share * (arcs[before + 1] - arcs[before])
     done = int(task.tape.laying[course, 0]) + np.searchsorted(passed, nodes)
     values[:, task.knives] = np.where((doing >= 0)[:, None], steps.poses[doing], steps.at(values[:, task.u], done))
-    switched = (doing < 0) & np.isin(nodes, passed) | np.isin(nodes, lowered)
     # The speed of the tape while a knife sweeps in passing: from the node of its word down to that of its word up.
     swept = np.full(len(nodes), task.lay_speed)
     for down, up, speed in _swept(steps, rows, passed):
         within = (nodes > down) & (nodes <= up) if speed else np.zeros(len(nodes), np.bool_)
         swept[within] = np.minimum(swept[within], speed)
-    least = _seconds(task, values, travelled, switched, swept)
+    least = _seconds(task, values, travelled, swept)
     stroke = Stroke(values, least, travelled, _passed(task, nodes, travelled, rows, passed))
     for row, place in zip(rows, passed, strict=True):
         if event := task.knife_event(row):
@@ -370,14 +369,13 @@ def _passed(task: LayingTask, nodes: Floats, arcs: Floats, rows: Ints, places: F
     return passed
 
 
-def _seconds(task: LayingTask, joints: Floats, arcs: Floats, borders: Mask, fastest: Floats) -> Floats:
-    """Return the least seconds (n,) of the motion to each node: at laying speed, or evenly as fast as can be held.
+def _seconds(task: LayingTask, joints: Floats, arcs: Floats, fastest: Floats) -> Floats:
+    """Return the least seconds (n,) of the motion to each node: at laying speed, or as fast as the control holds it.
 
     Args:
         task: everything that the courses share.
         joints: (n, k) at the nodes.
         arcs: (n,) metres along the course.
-        borders: (n,) nodes between which the speed is even.
         fastest: (n,) m/s, greatest speed on the way to each node.
     """
     steps, lengths = np.diff(joints, axis=0), np.diff(arcs)
@@ -385,12 +383,8 @@ def _seconds(task: LayingTask, joints: Floats, arcs: Floats, borders: Mask, fast
     with np.errstate(divide="ignore", invalid="ignore"):
         accelerations = slides / np.max(np.abs(steps) / task.limits.acceleration, axis=1)
         held = task.rule.held(slides, accelerations) * lengths / slides
-    stretch = np.cumsum(borders[:-1])
-    slowest = np.full(stretch[-1] + 1, task.lay_speed)
-    np.minimum.at(slowest, stretch, fastest[1:])
-    moving = np.flatnonzero((lengths > 0.0) & np.isfinite(held))
-    np.minimum.at(slowest, stretch[moving], held[moving])
-    return np.append(0.0, lengths / slowest[stretch])
+    speeds = np.fmin(fastest[1:], np.where(lengths > 0.0, held, np.inf))
+    return np.append(0.0, lengths / speeds)
 
 
 def _heated(task: LayingTask, stroke: Stroke, times: Floats, first: int, last: int) -> Stroke:

@@ -43,8 +43,7 @@ class Clock(Frozen):
         stands: (n,) True where the control stands still at a block's end.
         moments: (m,) seconds at the breakpoints of the path speed, not decreasing.
         marks: (m,) path coordinate there.
-        after: (m,) path speed just after each breakpoint.
-        before: (m,) path speed just before it.
+        speeds: (m,) path speed there.
         peaks: (n,) greatest path speed of each block on its own.
         ramps: (n,) path acceleration of each block's ramps; 0 where it has none.
         blends: how blocks overlap; None where none do.
@@ -55,8 +54,7 @@ class Clock(Frozen):
     stands: Mask
     moments: Floats
     marks: Floats
-    after: Floats
-    before: Floats
+    speeds: Floats
     peaks: Floats
     ramps: Floats
     blends: Blends | None = None
@@ -87,15 +85,15 @@ class Clock(Frozen):
         moving = np.flatnonzero((lengths > 0.0) & (spans > 0.0))
         if len(moving) and len(self.marks):
             index, since = self._interval(times[moving])
-            at = self.marks[index] + since * (self.after[index] + since * self._slopes(index) / 2.0)
+            at = self.marks[index] + since * (self.speeds[index] + since * self._slopes(index) / 2.0)
             even[moving] = (at - self.reached[blocks[moving]]) / lengths[moving]
         # At its end a block is done, whatever is left of it by rounding.
         return np.where(times >= self.ends[blocks + 1], 1.0, np.clip(even, 0.0, 1.0))
 
-    def speeds(self, times: Floats) -> Floats:
+    def speeds_at(self, times: Floats) -> Floats:
         """Return the path speed (m,) at times (m,) in seconds; path units/s."""
         index, since = self._interval(times)
-        speeds: Floats = self.after[index] + since * self._slopes(index)
+        speeds: Floats = self.speeds[index] + since * self._slopes(index)
         return speeds
 
     def corners(self, blocks: Ints, fractions: Floats) -> tuple[Floats, Floats]:
@@ -127,13 +125,13 @@ class Clock(Frozen):
     def _slopes(self, index: Ints) -> Floats:
         """Return the path acceleration (m,) after breakpoints (m,)."""
         spans = self.moments[index + 1] - self.moments[index]
-        slopes: Floats = (self.before[index + 1] - self.after[index]) / np.where(spans > 0.0, spans, 1.0)
+        slopes: Floats = (self.speeds[index + 1] - self.speeds[index]) / np.where(spans > 0.0, spans, 1.0)
         return slopes
 
     def first_times(self, coordinates: Floats) -> Floats:
         """Return the first seconds (m,) at which path coordinates (m,) are reached."""
         index = np.clip(np.searchsorted(self.marks, coordinates, side="left") - 1, 0, len(self.marks) - 2)
-        along, speed = np.maximum(coordinates - self.marks[index], 0.0), self.after[index]
+        along, speed = np.maximum(coordinates - self.marks[index], 0.0), self.speeds[index]
         root = speed + np.sqrt(np.maximum(speed**2 + 2.0 * self._slopes(index) * along, 0.0))
         since = 2.0 * along / np.where(root > 0.0, root, 1.0)
         return self.moments[index] + np.minimum(since, self.moments[index + 1] - self.moments[index])
@@ -151,4 +149,4 @@ class Clock(Frozen):
         with np.errstate(divide="ignore", invalid="ignore"):
             speeds = np.nan_to_num(np.diff(reached) / durations)
         ends = np.append(0.0, np.cumsum(durations))
-        return Clock(reached, ends, stands, nothing, nothing, nothing, nothing, speeds, np.zeros(len(durations)))
+        return Clock(reached, ends, stands, nothing, nothing, nothing, speeds, np.zeros(len(durations)))

@@ -22,6 +22,10 @@ from tapelayer.units import DEG, MM
 Lengths = TypeVar("Lengths", float, Floats)
 # An axis without a stated acceleration reaches its speed at once: within a microsecond.
 AT_ONCE = 1e6
+# Moments this close together, in seconds, are one.
+SAME_MOMENT = 1e-12
+# A path shorter than this, in metres or radians, is rounding.
+NO_MOTION = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +244,8 @@ def _paths(trajectory: Trajectory, steps: Floats, columns: Sequence[int], rule: 
         lengths[circular] = np.sqrt(turned**2 + np.maximum(third, 0.0))
         # Each axis of the plane moves as fast as the path somewhere on the arc.
         steps[circular[:, None], arcs.axes] = turned[:, None]
-    return lengths, numbers
+    # What is shorter than rounding leaves is no motion.
+    return np.where(lengths > NO_MOTION, lengths, 0.0), numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,22 +274,16 @@ class _Ramps(Frozen):
     overlaps: Floats
     rounding: Floats
 
-    def speeds(self, times: Floats, late: bool, shift: int) -> Floats:
-        """Return the path speed (m, 4) that the block `shift` places on gives at times (m, 4).
-
-        Args:
-            times: seconds.
-            late: whether a block's beginning, not its end, belongs to it.
-            shift: 0 for the block of the row itself, -1 for the one before, 1 for the one after.
-        """
+    def beside(self, times: Floats, shift: int) -> Floats:
+        """Return the path speed (m, 4) that the block before (`shift` -1) or after (1) gives at times (m, 4)."""
         rows = slice(max(-shift, 0), len(times) - max(shift, 0))
-        own = slice(max(shift, 0), len(times) + min(shift, 0))
-        at, found = times[rows], np.zeros_like(times)
-        since, left = at - self.begins[own, None], self.ends[own, None] - at
-        active = (since >= 0.0) & (left > 0.0) if late else (since > 0.0) & (left >= 0.0)
-        rate = self.accelerations[own, None]
-        ramps = np.minimum(self.first[own, None] + rate * since, self.last[own, None] + rate * left)
-        found[rows] = np.where(active, np.minimum(ramps, self.tops[own, None]), 0.0)
+        other = slice(max(shift, 0), len(times) + min(shift, 0))
+        found = np.zeros_like(times)
+        since, left = times[rows] - self.begins[other, None], self.ends[other, None] - times[rows]
+        rate = self.accelerations[other, None]
+        ramps = np.minimum(self.first[other, None] + rate * since, self.last[other, None] + rate * left)
+        inside = (since > SAME_MOMENT) & (left > SAME_MOMENT)
+        found[rows] = np.where(inside, np.minimum(ramps, self.tops[other, None]), 0.0)
         return found
 
 
@@ -356,20 +355,19 @@ def _clock(ramps: _Ramps, rows: Ints, reached: Floats, standing: Floats) -> Cloc
     rise = (ramps.tops - ramps.first) / ramps.accelerations
     fall = (ramps.tops - ramps.last) / ramps.accelerations
     times = np.column_stack([ramps.begins, ramps.begins + rise, ramps.ends - fall, ramps.ends])
-    overlapping = bool(np.any(ramps.overlaps))
-    shifts = (-1, 0, 1) if overlapping else (0,)
-    after = sum((ramps.speeds(times, True, shift) for shift in shifts), np.zeros_like(times)).ravel()
-    before = sum((ramps.speeds(times, False, shift) for shift in shifts), np.zeros_like(times)).ravel()
+    speeds = np.column_stack([ramps.first, ramps.tops, ramps.tops, ramps.last])
     moments = times.ravel()
-    if overlapping:
+    if np.any(ramps.overlaps):
+        speeds = speeds + ramps.beside(times, -1) + ramps.beside(times, 1)
         order = np.argsort(moments, kind="stable")
-        moments, after, before = moments[order], after[order], before[order]
-    marks = np.append(0.0, np.cumsum(np.diff(moments) * (after[:-1] + before[1:]) / 2.0))
+        moments, speeds = moments[order], speeds.ravel()[order]
+    speeds = speeds.ravel()
+    marks = np.append(0.0, np.cumsum(np.diff(moments) * (speeds[:-1] + speeds[1:]) / 2.0))
     stands = (ramps.last == 0.0) & (ramps.overlaps == 0.0)
     peaks, rates = np.zeros(len(standing)), np.zeros(len(standing))
     peaks[rows] = ramps.tops
     rates[rows] = np.where((rise > 0.0) | (fall > 0.0), ramps.accelerations, 0.0)
-    clock = Clock(reached, np.zeros(len(reached)), np.zeros(0, np.bool_), moments, marks, after, before, peaks, rates)
+    clock = Clock(reached, np.zeros(len(reached)), np.zeros(0, np.bool_), moments, marks, speeds, peaks, rates)
     ends = np.where(stands, ramps.ends + ramps.waits, clock.first_times(reached[rows + 1]))
     # Blocks that do not move end where the last one that moves did, after the time they stand.
     last = np.searchsorted(rows, np.arange(len(standing)), side="right") - 1

@@ -170,7 +170,7 @@ class Trajectory(Frozen):
         if self.clock is None or not len(self.clock.marks):
             return even
         lengths = self.clock.reached[blocks + 1] - self.clock.reached[blocks]
-        return np.divide(self.clock.speeds(times), lengths, out=even, where=lengths > 0.0)
+        return np.divide(self.clock.speeds_at(times), lengths, out=even, where=lengths > 0.0)
 
     def rounded(self, blocks: Ints, fractions: Floats) -> Floats:
         """Return the joint values (m, k) as `within`, with corners rounded off as the control rounds them."""

@@ -54,12 +54,23 @@ def arc_runs_of(trajectory: Trajectory) -> list[ArcRun]:
     ]
 
 
-def sampled(trajectory: Trajectory, blocks: Ints) -> tuple[Floats, Floats, Ints]:
-    """Return joint values (n, k), times (n,) in seconds and blocks (n,) of samples in blocks (b,)."""
+def stops_of(trajectory: Trajectory) -> int:
+    """Return the number of places where the gun stops between two motions with the arc on throughout."""
+    if trajectory.clock is None:
+        return 0
+    rows = np.flatnonzero(arc_on(trajectory))
+    switched = np.cumsum(np.isin(trajectory.events, (Event.ARC_ON, Event.ARC_OFF)))[rows]
+    return int(np.sum(trajectory.clock.stands[rows[:-1]] & (np.diff(switched) == 0)))
+
+
+def sampled(trajectory: Trajectory, blocks: Ints) -> tuple[Floats, Floats, Floats, Ints]:
+    """Return joint values (n, k), times and asked times (n,) in seconds and blocks (n,) of samples in blocks (b,)."""
     counts = sample_counts(lengths_of(trajectory, blocks), SPRAYED_SAMPLE_STEP)
     block, step = ramp(counts)
     rows, fractions = np.append(blocks[0], blocks[block]), np.append(0.0, (step + 1) / counts[block])
-    return trajectory.rounded(rows, fractions), trajectory.moments(rows, fractions), rows
+    requested = trajectory.requested
+    asked = np.cumsum(requested)[rows] - (1.0 - fractions) * requested[rows]
+    return trajectory.rounded(rows, fractions), trajectory.moments(rows, fractions), asked, rows
 
 
 def lengths_of(trajectory: Trajectory, blocks: Ints) -> Floats:

@@ -20,6 +20,7 @@ class SpraySamples(SampleTable):
         pieces: (n,) index of the unbroken arc run that the sample belongs to.
         arc_lengths: (n,) metres along the pass; negative on the link from the previous pass.
         times: (n,) seconds from the program's start.
+        asked: (n,) the same as the words ask for it, without ramps.
         points: (n, 3) P, `machine` axes, metres.
         axes: (n, 3) the gun's axis, unit, out of the surface.
         position_errors: (n,) P off the smoothed path, metres.
@@ -40,6 +41,7 @@ class SpraySamples(SampleTable):
     pieces: Ints
     arc_lengths: Floats
     times: Floats
+    asked: Floats
     points: Floats
     axes: Floats
     position_errors: Floats
@@ -73,6 +75,7 @@ class SprayEvidence(Findings):
         layers: number of their layers.
         sprayed_length: length of the path with the arc on.
         arc_time: time with the arc on.
+        stops: places where the gun stops with the arc on.
         splits: breaks inside passes.
         crease_length: length of path near creases, where deviations are not judged.
         greatest_arc_distance: largest distance of the lit arc from the part, seen from above.
@@ -84,6 +87,7 @@ class SprayEvidence(Findings):
     layers: int
     sprayed_length: float
     arc_time: float
+    stops: int
     splits: tuple[MeasuredSplit, ...]
     crease_length: float
     greatest_arc_distance: float

@@ -16,7 +16,7 @@ from tapelayer.machines.wrist import AXES
 from tapelayer.motion.corners import Rule
 from tapelayer.motion.trajectory import MOTIONS, Event, Trajectory
 from tapelayer.progress import Tick, silent
-from tapelayer.spraying.arc_runs import ArcRun, arc_on, arc_runs_of, lengths_of, sampled
+from tapelayer.spraying.arc_runs import ArcRun, arc_on, arc_runs_of, lengths_of, sampled, stops_of
 from tapelayer.spraying.evidence import MeasuredSplit, SprayEvidence, SpraySamples
 from tapelayer.spraying.limits import limits_of
 from tapelayer.spraying.passes import NO_FACET, Pass, Split
@@ -104,6 +104,7 @@ class SprayInspector(Judge[SprayEvidence]):
             layers=max((one.layer for one in self.passes), default=0),
             sprayed_length=float(np.sum(lengths_of(trajectory, spraying))),
             arc_time=float(np.sum(trajectory.durations[spraying])),
+            stops=stops_of(trajectory),
             splits=tuple(splits),
             crease_length=float(sum(np.sum(one.exempt[:, 1] - one.exempt[:, 0]) for one in self.passes)),
             greatest_arc_distance=distance,
@@ -151,7 +152,7 @@ class SprayInspector(Judge[SprayEvidence]):
     ) -> tuple[SpraySamples, Ints]:
         """Return the samples of an arc run, and the block (n,) of each."""
         planned = self.passes[run.index]
-        joints, times, blocks = sampled(trajectory, run.blocks)
+        joints, times, asked, blocks = sampled(trajectory, run.blocks)
         points, axes = self._gun(joints)
         places, path = planned.path.arc_lengths, planned.path.points
         if run.linked and before is not None and before.index == run.index - 1:
@@ -176,6 +177,7 @@ class SprayInspector(Judge[SprayEvidence]):
             pieces=np.full(len(arcs), piece),
             arc_lengths=arcs,
             times=times,
+            asked=asked,
             points=points,
             axes=axes,
             position_errors=errors,

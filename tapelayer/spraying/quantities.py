@@ -61,14 +61,31 @@ def _largest(values: Floats) -> float:
     return float(np.max(measured)) if len(measured) else math.nan
 
 
+def _steps(judged: Judged, times: Floats) -> tuple[Floats, Floats]:
+    """Return the lengths (m,) in metres from sample to sample with the arc on, and the speeds (m,) by times (n,)."""
+    samples = judged.samples
+    lengths, spans = np.linalg.norm(np.diff(samples.points, axis=0), axis=1), np.diff(times)
+    within = (np.diff(samples.pieces) == 0) & (spans > 0.0) & (lengths > 0.0)
+    return lengths[within], lengths[within] / spans[within]
+
+
 def _speed_share(judged: Judged) -> float:
     """Return the share of the sprayed length at set speed; NaN if nothing was sprayed."""
-    samples = judged.samples
-    within = np.diff(samples.pieces) == 0
-    lengths = np.linalg.norm(np.diff(samples.points, axis=0), axis=1)[within]
-    fast = lengths >= AT_SPEED * judged.speed * np.diff(samples.times)[within]
+    lengths, speeds = _steps(judged, judged.samples.times)
     whole = float(np.sum(lengths))
-    return float(np.sum(lengths[fast])) / whole if whole != 0.0 else math.nan
+    return float(np.sum(lengths[speeds >= AT_SPEED * judged.speed])) / whole if whole != 0.0 else math.nan
+
+
+def _mean_speed(judged: Judged) -> float:
+    """Return the mean speed of the gun with the arc on, mm/s; NaN if nothing was sprayed."""
+    lengths, speeds = _steps(judged, judged.samples.times)
+    return float(np.sum(lengths) / np.sum(lengths / speeds)) / MM if len(lengths) else math.nan
+
+
+def _planned_speed(judged: Judged) -> float:
+    """Return the least speed that words ask of the gun with the arc on, mm/s; NaN if nothing was sprayed."""
+    _, speeds = _steps(judged, judged.samples.asked)
+    return float(np.min(speeds)) / MM if len(speeds) else math.nan
 
 
 def limited(judged: Judged) -> SprayEvidence:
@@ -289,8 +306,8 @@ ROWS: tuple[Row[Judged], ...] = (
         "speed_share",
         Words("share at set speed", "达到设定速度的比例"),
         Words(
-            "share of the sprayed length over which the gun has 95 % of its set speed or more",
-            "喷枪速度不低于设定值 95 % 的喷涂长度所占比例",
+            "share of the sprayed length over which the gun has 95 % of its set speed or more, on the control",
+            "数控系统上喷枪速度不低于设定值 95 % 的喷涂长度所占比例",
         ),
         "",
         4,
@@ -299,14 +316,62 @@ ROWS: tuple[Row[Judged], ...] = (
         optional=True,
     ),
     Quantity(
+        "spraying_stops",
+        Words("stops with the arc on", "电弧开启时停顿"),
+        Words("places where the gun stops with the arc on", "电弧开启时喷枪停住的位置数"),
+        "",
+        0,
+        lambda j: j.evidence.stops,
+        Group.FACT,
+        Style.COUNT,
+        optional=True,
+    ),
+    Quantity(
+        "planned_spraying_speed_mm_per_s",
+        Words("planned gun speed", "计划喷枪速度"),
+        Words(
+            "least speed that the program's words ask of the gun with the arc on, ramps aside",
+            "电弧开启时程序指令要求喷枪达到的最低速度，不含加减速",
+        ),
+        "mm/s",
+        1,
+        _planned_speed,
+        absent=NONE,
+    ),
+    Quantity(
+        "mean_spraying_speed_mm_per_s",
+        Words("mean gun speed", "喷枪平均速度"),
+        Words("of the gun on its control with the arc on, ramps and stops included", "电弧开启时含加减速与停顿的平均速度"),
+        "mm/s",
+        1,
+        _mean_speed,
+        absent=NONE,
+    ),
+    Listing("time_law", lambda j: j.evidence.time_law),
+    Quantity(
         "duration_s",
         Words("duration", "时长"),
-        Words("time of the program", "程序用时"),
+        Words(
+            "time of the program on its control, by `time_law`; without accelerations every axis reaches its speed at once",
+            "程序在其数控系统上的用时，按 `time_law` 计算；未给加速度时各轴视为立即达到速度",
+        ),
         "s",
         1,
         lambda j: j.evidence.duration,
         Group.FACT,
         headline=True,
+    ),
+    Quantity(
+        "asked_s",
+        Words("time asked for", "指令用时"),
+        Words(
+            "time that the program's words ask for, without ramps and stops",
+            "程序指令要求的用时，不含加减速与停顿",
+        ),
+        "s",
+        1,
+        lambda j: j.evidence.asked,
+        Group.FACT,
     ),
     Quantity(
         "arc_time_s",

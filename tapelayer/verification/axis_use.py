@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 # A feed word of six digits and the time computed from it agree within this share.
 FEED_DIGITS = 1e-5
+# Where two blocks overlap, a control may exceed an axis's acceleration by this share.
+OVERLAP_SHARE = 0.01
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def axes_used(
         if not top <= axis.speed * (1 + FEED_DIGITS):
             row = int(feeding[np.argmax(np.nan_to_num(speeds, nan=np.inf))])
             breaches.append(Breach(row, speed, top * use.scale, axis.speed * use.scale))
-        if steepest > axis.acceleration * (1 + FEED_DIGITS):
+        if not (math.isnan(steepest) or steepest <= axis.acceleration * (1 + OVERLAP_SHARE)):
             row = int(ramped[np.argmax(accelerations[:, column])])
             breaches.append(Breach(row, acceleration, steepest * use.scale, axis.acceleration * use.scale))
         uses.append(use)

@@ -76,12 +76,12 @@ class TrajectoryRows:
         block = np.repeat(np.arange(len(counts)), counts)
         step = np.arange(len(block)) - (np.cumsum(counts) - counts)[block] + 1
         shares = step / counts[block]
-        spans = trajectory.durations[block] / counts[block]
         positions = np.vstack([trajectory.start, trajectory.positions[block]])
         between = np.flatnonzero(step < counts[block])
         if len(between):
             positions[between + 1] = trajectory.within(block[between], shares[between])
-        times = trajectory.times[block] - trajectory.durations[block] * (1.0 - shares)
+        times = trajectory.moments(block, shares)
+        spans = np.diff(times, prepend=0.0)
         turning = [machine.axis(name).revolute for name in trajectory.axes]
         return cls(
             trajectory=trajectory,
