@@ -283,7 +283,9 @@ def _stops(case: Case, course: Laid) -> list[LayingStop]:
     feeding = rows[fed]
     if not len(feeding):
         return []
-    rests = np.bincount(np.cumsum(fed), trajectory.durations[rows], len(feeding) + 1)[1:] - trajectory.durations[feeding]
+    rests = (
+        np.bincount(np.cumsum(fed), trajectory.durations[rows], len(feeding) + 1)[1:] - trajectory.durations[feeding]
+    )
     stands = rests > 0.0
     if trajectory.clock is not None:
         stands |= trajectory.clock.stands[feeding]

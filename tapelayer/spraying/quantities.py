@@ -341,7 +341,9 @@ ROWS: tuple[Row[Judged], ...] = (
     Quantity(
         "mean_spraying_speed_mm_per_s",
         Words("mean gun speed", "喷枪平均速度"),
-        Words("of the gun on its control with the arc on, ramps and stops included", "电弧开启时含加减速与停顿的平均速度"),
+        Words(
+            "of the gun on its control with the arc on, ramps and stops included", "电弧开启时含加减速与停顿的平均速度"
+        ),
         "mm/s",
         1,
         _mean_speed,
