@@ -13,7 +13,7 @@ from tapelayer.arrays import Floats, Mask
 from tapelayer.laying.evidence import CutMade, LayingStop, LedgerRow, TapeLedger
 from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.settings import Setup
-from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.motion.trajectory import Event, Kind
 from tapelayer.units import DEG, MM
 from tapelayer.verification.failures import Failure
 

@@ -210,12 +210,12 @@ def clock_of(trajectory: Trajectory, limits: Limits, rule: Rule) -> Clock:
     standing = np.where(moving, 0.0, asked + np.where(drains, rule.drain, 0.0))
     axes = np.minimum(limits.acceleration[columns], AT_ONCE)
     with np.errstate(divide="ignore"):
-        moved = np.abs(steps[np.ix_(rows, columns)])
+        moved = np.abs(steps[rows][:, columns])
         tops = lengths[rows] / np.max(moved / limits.speed[columns], axis=1)
         accelerations = np.minimum(lengths[rows] / np.max(moved / axes, axis=1), AT_ONCE)
         speeds = np.minimum(tops, lengths[rows] / asked[rows])
     chain = Chain(
-        directions=steps[np.ix_(rows, columns)] / lengths[rows, None],
+        directions=steps[rows][:, columns] / lengths[rows, None],
         xyz=tuple(columns.index(column) for column in (rule.paths or ((),))[0] if column in columns),
         lengths=lengths[rows],
         speeds=speeds,

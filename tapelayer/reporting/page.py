@@ -168,7 +168,7 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:
     rows: list[Cells] = []
     for axis in axes:
         use = report["axes"][axis.name]
-        travel, speed = axis.failures
+        travel, speed, _ = axis.failures
         rows.append(
             [
                 axis.name,

@@ -354,7 +354,8 @@ ROWS: tuple[Row[Judged], ...] = (
         "duration_s",
         Words("duration", "时长"),
         Words(
-            "time of the program on its control, by `time_law`; without accelerations every axis reaches its speed at once",
+            "time of the program on its control, by `time_law`; without accelerations every axis reaches its speed at "
+            "once",
             "程序在其数控系统上的用时，按 `time_law` 计算；未给加速度时各轴视为立即达到速度",
         ),
         "s",

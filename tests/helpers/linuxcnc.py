@@ -57,8 +57,8 @@ def has_linuxcnc() -> bool:
 def run(folder: Path, text: bytes, machine: Machine, joints: tuple[str, ...], longest_s: float = 60.0) -> Run:
     """Run a program from switching on to its end or first error.
 
-    LinuxCNC runs in namespaces of its own, where the system allows it: its start script ends every other LinuxCNC on the
-    computer by name.
+    LinuxCNC runs in namespaces of its own, where the system allows it: its start script ends every other LinuxCNC on
+    the computer by name.
 
     Args:
         folder: of its own, which any user may write to.
