@@ -17,6 +17,8 @@ REVERSAL = 1.0 - 0.5 * math.radians(2.0) ** 2
 ARC_SHARE = math.sqrt(3.0) / 2.0
 # LinuxCNC keeps a block that follows a tangent corner a little longer than a servo cycle.
 OVER_A_CYCLE = 1.02
+# Shares below this are rounding.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -169,12 +171,14 @@ def _looked_ahead(chain: Chain) -> Floats:
     axis (a millimetre counts as a degree), and takes no more than half of either block.
     """
     turns = _turns(chain)
-    room = np.minimum(chain.lengths[1:], chain.lengths[:-1])[:, None]
+    room = np.minimum(chain.lengths[1:], chain.lengths[:-1])
+    slowest = np.max(turns / chain.axes, axis=1, initial=0.0)
     within = chain.tolerances[:-1, None] * chain.scales
     with np.errstate(divide="ignore", invalid="ignore"):
-        squares = np.where(turns > 0.0, chain.axes / turns * np.minimum(8.0 * within / turns, room), math.inf)
+        rounded = np.min(np.where(turns > 0.0, 8.0 * within / turns, math.inf), axis=1, initial=math.inf)
+        squares = np.where(slowest > 0.0, np.minimum(rounded, room) / slowest, math.inf)
     caps = np.zeros(len(chain.lengths))
-    caps[:-1] = np.sqrt(np.min(squares, axis=1, initial=math.inf))
+    caps[:-1] = np.sqrt(squares)
     passed = chain.joined & (chain.tolerances[:-1] > 0.0) & (chain.groups[1:] == chain.groups[:-1])
     caps[:-1] = np.where(passed, np.minimum(caps[:-1], np.minimum(chain.speeds[:-1], chain.speeds[1:])), 0.0)
     return caps
@@ -279,6 +283,10 @@ def _onsets(chain: Chain, speeds: Floats, accelerations: Floats, half: Floats, c
     onsets = np.where(bounded, np.minimum(onsets, rounded), onsets)
     # The cycle in which the speed falls below it is the first of the next block, half a cycle early on average; at the
     # peak of a block that never reaches its speed, the fall is seen half a cycle late, too.
-    seen = (onsets < first) | (speeds[:-1] < triangles[:-1])
-    early: Floats = np.where(seen, onsets + accelerations[:-1] * cycle / 2.0, onsets)
-    return early
+    overlaps = onsets / accelerations[:-1]
+    spans = peaks / accelerations + np.maximum(chain.lengths / peaks, peaks / accelerations)
+    room = np.maximum(spans - np.append(0.0, overlaps) - np.append(overlaps, 0.0), 0.0) / 2.0
+    seen = (onsets < first * (1.0 - ROUNDING)) | (speeds[:-1] < triangles[:-1] * (1.0 - ROUNDING))
+    early = np.where(seen, np.minimum(cycle / 2.0, np.minimum(room[:-1], room[1:])), 0.0)
+    earlier: Floats = onsets + accelerations[:-1] * early
+    return earlier

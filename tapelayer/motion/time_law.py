@@ -391,6 +391,8 @@ def _clock(ramps: _Ramps, rows: Ints, reached: Floats, standing: Floats) -> Cloc
         speeds = speeds + ramps.beside(times, -1) + ramps.beside(times, 1)
         order = np.argsort(moments, kind="stable")
         moments, speeds = moments[order], speeds.ravel()[order]
+    else:
+        moments = np.maximum.accumulate(moments)
     speeds = speeds.ravel()
     marks = np.append(0.0, np.cumsum(np.diff(moments) * (speeds[:-1] + speeds[1:]) / 2.0))
     stands = (ramps.last == 0.0) & (ramps.overlaps == 0.0)
