@@ -167,7 +167,7 @@ class Control(Frozen):
             said = np.empty(len(words))
             said[np.argsort(at - ahead, kind="stable")] = clock.ends[1:][blocks.kinds == Kind.SWITCH]
             taken = _taken(clock, until, at + began) - said
-            astray = float(np.max(np.abs(taken - delays)))
+            astray = float(np.max(np.abs(taken - delays)[early]))
             if astray < least:
                 best, least = blocks, astray
             if least <= SETTLED:
