@@ -5,13 +5,13 @@ from __future__ import annotations
 import sys
 
 from tapelayer.cli import making, showing
-from tapelayer.cli.application import app
+from tapelayer.cli.application import app, command
 from tapelayer.dispatch import run
-from tapelayer.workbench import command
+from tapelayer.workbench.command import EPILOG, serve
 
 __all__ = ["app", "main", "making", "showing"]
 
-app.command(epilog=command.EPILOG)(command.serve)
+command(epilog=EPILOG)(serve)
 
 
 def main() -> None:

@@ -5,32 +5,35 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from rich.table import Table
 
 from post import controllers
-from tapelayer.cli.application import app, output
-from tapelayer.cli.options import Courses, Kind, SetupFile
+from tapelayer.cli.application import command, output
+from tapelayer.cli.misfits import content_at, expecting
+from tapelayer.cli.options import Courses, Kind, SetupFile, kind_name
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import read_courses
+from tapelayer.jobs.contents import Content, source_of
 from tapelayer.jobs.job import machine_of
+from tapelayer.jobs.kind import Form
 from tapelayer.jobs.kinds import NAMES, kind_of
-from tapelayer.laying.settings import Setup
-from tapelayer.machines import gantry
 from tapelayer.reporting.summary import explained
 from tapelayer.setups.sections import default_text, read_setup
 from tapelayer.units import DEG, MM
-from urdf import TAPELAYER
 
 
-@app.command(epilog="Example: [bold]tapelayer inspect panel.txt[/bold]")
+@command(epilog="Example: [bold]tapelayer inspect panel.txt[/bold]")
 def inspect(courses: Courses) -> None:
     """Show what a course file holds."""
     table = Table(title=Path(courses).name)
     for heading in ("course", "points", "length mm", "cuts deg", "slope deg", "off surface deg"):
         table.add_column(heading, justify="right", no_wrap=True)
-    parsed = read_courses(courses)
+    with expecting(courses, source_of(Form.COURSES)):
+        parsed = read_courses(courses)
     for course in parsed:
         table.add_row(*_inspected(course))
     output.print(table)
@@ -42,28 +45,40 @@ def inspect(courses: Courses) -> None:
     )
 
 
-@app.command(epilog="Example: [bold]tapelayer setup > job.toml[/bold]")
+@command(epilog="Example: [bold]tapelayer setup > job.toml[/bold]")
 def setup(
     kind: Kind = NAMES[0],
 ) -> None:
     """Print the default setup as a commented TOML file."""
-    chosen = kind_of(kind)
+    chosen = kind_of(kind_name(kind))
     sys.stdout.write(default_text(chosen.setup, chosen.title))
 
 
-@app.command(epilog="Example: [bold]tapelayer quantities --kind spray[/bold]")
+@command(epilog="Example: [bold]tapelayer quantities --kind spray[/bold]")
 def quantities(
     kind: Kind = NAMES[0],
 ) -> None:
     """Explain every number of a report: its unit, its limit in the setup and its meaning."""
-    chosen = kind_of(kind)
+    chosen = kind_of(kind_name(kind))
     output.print(explained(chosen.rows, chosen.limits(chosen.setup.model_validate({}))))
 
 
-@app.command(epilog="Example: [bold]tapelayer machine --setup job.toml[/bold]")
-def machine(setup: SetupFile = None) -> None:
-    """Show the machine: axes, travel, speeds and the lengths of its closed form."""
-    model = machine_of(read_setup(setup, Setup) if setup else Setup(), TAPELAYER)
+@command(epilog="Example: [bold]tapelayer machine --setup job.toml[/bold]")
+def machine(
+    setup: SetupFile = None,
+    kind: Annotated[
+        str | None,
+        typer.Option(
+            "--kind", metavar="|".join(NAMES), help=r"The job: tape laying or spraying. \[default: the setup's, or lay]"
+        ),
+    ] = None,
+) -> None:
+    """Show the machine of a kind of job: axes, travel, speeds and the lengths of its closed form."""
+    name = kind_name(kind) if kind is not None else (content_at(setup).kind if setup else None) or NAMES[0]
+    chosen = kind_of(name)
+    with expecting(setup, Content(Form.SETUP, name)):
+        values = read_setup(setup, chosen.setup) if setup else chosen.setup.model_validate({})
+    model = machine_of(values, chosen.machine.urdf)
     table = Table(title=str(model.model.name))
     for heading in ("axis", "from", "to", "unit", "speed /s"):
         table.add_column(heading, justify="right")
@@ -71,16 +86,12 @@ def machine(setup: SetupFile = None) -> None:
         scale, unit = (1 / DEG, "deg") if axis.revolute else (1 / MM, "mm")
         table.add_row(axis.name, f"{axis.lower * scale:g}", f"{axis.upper * scale:g}", unit, f"{axis.speed * scale:g}")
     output.print(table)
-    lengths = gantry.lengths(model)
-    output.print(
-        f"l4 = {lengths.l4 / MM:g}, l5 = {lengths.l5 / MM:g}, l6 = {lengths.l6 / MM:g}, "
-        f"roller radius = {lengths.radius / MM:g} mm",
-        highlight=False,
-        soft_wrap=True,
-    )
+    lengths = ", ".join(f"{what} = {length / MM:g}" for what, length in chosen.machine.lengths(model).items())
+    if lengths:
+        output.print(f"{lengths} mm", highlight=False, soft_wrap=True)
 
 
-@app.command(name="controllers", epilog="Example: [bold]tapelayer controllers[/bold]")
+@command(name="controllers", epilog="Example: [bold]tapelayer controllers[/bold]")
 def list_controllers() -> None:
     """List the controller tables there are."""
     table = Table("name", "control")
