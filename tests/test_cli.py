@@ -347,6 +347,7 @@ def test_a_program_that_fails_among_several_has_exit_code_1(tmp_path: Path) -> N
         (("--html", "file"), "--html file: is no folder; several programs go to a folder, name one"),
         (("sub/a.txt",), "sub/a.txt: its program would have the name of that of a.txt, a.nc; give them one by one"),
         (("b.nc",), "b.nc: is the same file as the input b.nc; name another"),
+        (("a.txt",), "a.txt: its program would have the name of that of a.txt, a.nc; give them one by one"),
         (("-o", "file/sub"), "file/sub: cannot be made a folder: not a directory; name another by -o"),
     ],
 )
@@ -386,6 +387,13 @@ def test_help_shows_the_defaults_of_the_setups_and_no_type(tmp_path: Path) -> No
     assert f"[default: {passes['pitch_mm']:g}]" in pages["spray"]
     for page in (*pages.values(), run("--help", cwd=tmp_path).stdout):
         assert "<bool>" not in page and "<str>" not in page
+
+
+def test_brackets_in_a_name_are_no_markup(tmp_path: Path) -> None:
+    name = "[bold]panel[x].txt"
+    (tmp_path / name).write_bytes(FLAT.read_bytes())
+    assert name in run("inspect", name, cwd=tmp_path).stdout
+    assert "[bold]panel[x].nc: 125 blocks, verified" in run("export", name, cwd=tmp_path).stdout
 
 
 def test_version(tmp_path: Path) -> None:

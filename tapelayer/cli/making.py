@@ -190,7 +190,7 @@ def demo(
     example = files("tapelayer.examples").joinpath("cylinder_panel_15.txt")
     stem = folder / "cylinder_panel_15"
     export([str(example)], target=f"{stem}.nc", report_file=f"{stem}.json", html_file=f"{stem}.html", force=force)
-    output.print(f"open {stem}.html to look at it", highlight=False, soft_wrap=True)
+    output.print(f"open {stem}.html to look at it", highlight=False, soft_wrap=True, markup=False)
 
 
 @dataclass(frozen=True)

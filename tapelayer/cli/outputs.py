@@ -116,11 +116,11 @@ def _check_stems(sources: Sequence[str]) -> None:
     first: dict[str, str] = {}
     for source in sources:
         stem = Path(source).stem
-        other = first.setdefault(stem.casefold(), source)
-        if other is not source:
+        if other := first.get(stem.casefold()):
             raise OptionRefused.because(
                 source, f"its program would have the name of that of {other}, {stem}.nc; give them one by one"
             )
+        first[stem.casefold()] = source
 
 
 def check_outputs(setup: JobSetup, inputs: Sequence[str | None], outputs: Sequence[str], force: bool) -> None:

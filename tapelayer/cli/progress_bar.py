@@ -20,7 +20,12 @@ class ProgressBar:
     """
 
     def __init__(self, quiet: bool, verbose: bool) -> None:
-        columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+        columns = (
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeElapsedColumn(),
+        )
         hidden = quiet or not notices.is_terminal
         self._bar = Progress(*columns, console=notices, transient=True, disable=hidden)
         self._task = self._bar.add_task("", total=None)

@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from post import controllers
 from tapelayer.cli.application import command, output
@@ -29,7 +30,7 @@ from tapelayer.units import DEG, MM
 @command(epilog="Example: [bold]tapelayer inspect panel.txt[/bold]")
 def inspect(courses: Courses) -> None:
     """Show what a course file holds."""
-    table = Table(title=Path(courses).name)
+    table = Table(title=Text(Path(courses).name))
     for heading in ("course", "points", "length mm", "cuts deg", "slope deg", "off surface deg"):
         table.add_column(heading, justify="right", no_wrap=True)
     with expecting(courses, source_of(Form.COURSES)):
@@ -79,7 +80,7 @@ def machine(
     with expecting(setup, Content(Form.SETUP, name)):
         values = read_setup(setup, chosen.setup) if setup else chosen.setup.model_validate({})
     model = machine_of(values, chosen.machine.urdf)
-    table = Table(title=str(model.model.name))
+    table = Table(title=Text(str(model.model.name)))
     for heading in ("axis", "from", "to", "unit", "speed /s"):
         table.add_column(heading, justify="right")
     for axis in model.axes:
