@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
+import io
+import locale
 import os
 import signal
 import sys
@@ -45,6 +48,7 @@ def run(app: typer.Typer, arguments: Sequence[str], name: str) -> None:
         arguments: those after its name.
         name: as the user typed it.
     """
+    _make_printable()
     try:
         try:
             app(arguments, prog_name=name)
@@ -61,6 +65,29 @@ def run(app: typer.Typer, arguments: Sequence[str], name: str) -> None:
         _say(f"{error.filename or 'the output'}: cannot be read or written: {reason}")
         _discard_stdout()
         sys.exit(2)
+
+
+def _make_printable() -> None:
+    """Let both streams take any text, in ASCII alone where the user's locale has no more.
+
+    Python writes UTF-8 in the locale C, whose terminals may not show it.
+    """
+    codecs.register_error("readable", _readable)
+    assumed = sys.flags.utf8_mode and not {"PYTHONUTF8", "PYTHONIOENCODING"} & os.environ.keys()
+    plain = assumed and codecs.lookup(locale.getencoding()).name == "ascii"
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(encoding="ascii" if plain else None, errors="readable")
+
+
+def _readable(error: UnicodeError) -> tuple[str, int]:
+    """Return characters that a stream cannot show as escapes, those of a file name that is no text as its bytes."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    shown = []
+    for sign in error.object[error.start : error.end]:
+        shown.append(rf"\x{ord(sign) - 0xDC00:02x}" if "\udc80" <= sign <= "\udcff" else ascii(sign)[1:-1])
+    return "".join(shown), error.end
 
 
 def _say(sentence: str) -> None:

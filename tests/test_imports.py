@@ -26,6 +26,7 @@ FLOORS = (
         "tapelayer.toml_files",
         "tapelayer.atomic_files",
         "tapelayer.dispatch",
+        "tapelayer.command_help",
     ),
     ("tapelayer.geometry",),
     ("tapelayer.machines",),
