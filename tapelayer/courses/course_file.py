@@ -2,8 +2,7 @@
 
 A file holds courses one after another. A course is its number, `start`, the cut angle (or one for the start and one for
 the end) in degrees, a line `x y z nx ny nz l` per point (mm in the part's frame, normal, arc length in mm), and `end`.
-Text after `#` on a line is a comment in any encoding that keeps ASCII; keywords may be in any case; lines end with LF,
-CRLF or CR.
+Text after `#` on a line is a comment in any encoding; keywords may be in any case; lines end with LF, CRLF or CR.
 """
 
 from __future__ import annotations
@@ -22,12 +21,12 @@ from tapelayer.courses.fast_numbers import NeedsCare, values_of_words
 from tapelayer.courses.fault_finding import careful_table
 from tapelayer.courses.normal_check import NormalCheck
 from tapelayer.courses.table import LONGEST_LINE, CourseTable, TableSteps, cut_angle, from_mm
-from tapelayer.errors import CourseFileRefused, InputFault
+from tapelayer.errors import CourseFileRefused
+from tapelayer.text import plain_text
 
 _BATCH = 1 << 18  # bytes of numbers processed at once, so that they stay in a core's cache
-_MARKS = (b"\xef\xbb\xbf", b"\x84\x31\x95\x33")  # the byte order mark in UTF-8 and in GB18030
 # Older C libraries print non-numbers as 1.#QNAN, -1.#IND or 1.#INF, where # begins no comment.
-_COMMENT = re.compile(rb"(?<![0-9]\.)#[^\r\n]*")
+_COMMENT = re.compile(rb"(?<![0-9]\.)#[^\n]*")
 _HEAD = re.compile(
     rb"[ \t\n]*([0-9]{1,9})[ \t]*\n[ \t\n]*start[ \t]*\n[ \t\n]*([-+.0-9e]+)(?:[ \t]+([-+.0-9e]+))?[ \t]*\n"
 )
@@ -45,9 +44,7 @@ def read_courses(path: Path | str) -> tuple[Course, ...]:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        raise CourseFileRefused(
-            name, [InputFault(0, f"cannot be read: {(error.strerror or str(error)).lower()}")]
-        ) from None
+        raise CourseFileRefused.unreadable(name, error) from None
     return parse_courses(data, name)
 
 
@@ -68,11 +65,13 @@ def parse_courses(data: bytes, name: str) -> tuple[Course, ...]:
         >>> [round(math.degrees(angle), 6) for angle in course.cut_angles]
         [45.0, 45.0]
     """
-    text = _plain(data)
+    text = plain_text(data, name, CourseFileRefused)
+    if b"#" in text:
+        text = _COMMENT.sub(b"", text)
     try:
         return _courses(quick_table(text))
     except NeedsCare:
-        return _courses(careful_table(text, data, name))
+        return _courses(careful_table(text, name))
 
 
 def format_courses(courses: Iterable[Course]) -> bytes:
@@ -142,17 +141,6 @@ def _as_written(values: Floats, estimate: Floats, read: Callable[[Floats], Float
     for candidate in candidates:
         np.copyto(written, candidate, where=read(candidate) == values)
     return written
-
-
-def _plain(data: bytes) -> bytes:
-    """Return the file without mark and comments, lines ended by LF, line numbers unchanged."""
-    for mark in _MARKS:
-        data = data.removeprefix(mark)
-    if b"#" in data:
-        data = _COMMENT.sub(b"", data)
-    if b"\r" in data:
-        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return data
 
 
 def quick_table(text: bytes) -> CourseTable:

@@ -23,7 +23,7 @@ _CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _COURSE_NUMBER = re.compile(rb"(?=0*[1-9])[0-9]{1,9}")
 
 
-def careful_table(text: bytes, data: bytes, name: str) -> CourseTable:
+def careful_table(text: bytes, name: str) -> CourseTable:
     r"""Return the table of any file, read one line at a time.
 
     Raises:
@@ -31,12 +31,12 @@ def careful_table(text: bytes, data: bytes, name: str) -> CourseTable:
 
     Examples:
         >>> text = b"1\nstart\n200\n0 0 0 0 0 1 0\n100 0 0 0 0 1\nend\n"
-        >>> careful_table(text, text, "one.txt")
+        >>> careful_table(text, "one.txt")
         Traceback (most recent call last):
             ...
         tapelayer.errors.CourseFileRefused: one.txt:3: course 1: expected the cut angle in degrees, or ...
     """
-    if faults := _no_text(text, data):
+    if faults := _no_text(text):
         raise CourseFileRefused(name, faults)
     reader = _Reader(text)
     try:
@@ -50,15 +50,10 @@ def careful_table(text: bytes, data: bytes, name: str) -> CourseTable:
     return table
 
 
-def _no_text(text: bytes, data: bytes) -> list[InputFault]:
+def _no_text(text: bytes) -> list[InputFault]:
     """Return the faults that keep a file from being read by lines at all."""
-    if not data:
+    if not text:
         return [InputFault(0, "the file is empty; export the courses again")]
-    sample = data[:256]
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")) or (
-        sample.strip(b"\0") and len(sample) > 3 and not (any(sample[1::2]) and any(sample[::2]))
-    ):
-        return [InputFault(0, "the file is in UTF-16 or UTF-32; save it as UTF-8 or plain ASCII")]
     if control := _CONTROL.search(text):
         line = text.count(b"\n", 0, control.start()) + 1
         return [
