@@ -10,6 +10,7 @@ from codecs import getincrementaldecoder
 import numpy as np
 
 from tapelayer.courses.normal_check import NormalCheck
+from tapelayer.courses.separators import Separators, separators_of
 from tapelayer.courses.table import CHORD_SHARE, CHORD_SLACK, LONGEST_LINE, NUMBER, CourseTable, TableSteps, cut_angle
 from tapelayer.errors import CourseFileRefused, InputFault
 from tapelayer.vectors import ramp
@@ -38,7 +39,10 @@ def careful_table(text: bytes, name: str) -> CourseTable:
     """
     if faults := _no_text(text):
         raise CourseFileRefused(name, faults)
-    reader = _Reader(text)
+    spelling = separators_of(text)
+    reader = _Reader(text if spelling is None else spelling.respelt(text))
+    if spelling is not None:
+        reader.faults.append(_of_spelling(text, spelling))
     try:
         reader.read()
     except _Hopeless:
@@ -68,6 +72,13 @@ def _no_text(text: bytes) -> list[InputFault]:
         for line, content in enumerate(text.split(b"\n"), start=1)
         if len(content) > LONGEST_LINE
     ]
+
+
+def _of_spelling(text: bytes, spelling: Separators) -> InputFault:
+    """Return the one fault of all lines that are spelt in another way."""
+    lines = [row for row, line in enumerate(text.split(b"\n"), 1) if line.translate(None, spelling.signs) != line]
+    more = f" (on {len(lines)} lines)" if len(lines) > 1 else ""
+    return InputFault(lines[0], f"{spelling.fault}{more}; {spelling.remedy}")
 
 
 def _quote(text: bytes) -> str:
