@@ -21,7 +21,6 @@ from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import read_courses
 from tapelayer.dispatch import run
 from tapelayer.errors import InputFault, ProgramRefused, SetupRefused, TargetNotWritable
-from tapelayer.geometry.mesh import Unit
 from tapelayer.jobs.job import JobResult, MachineJob, machine_of
 from tapelayer.jobs.kind import JobKind
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, name_of_source
@@ -30,7 +29,7 @@ from tapelayer.machines import gantry
 from tapelayer.provenance import unedited
 from tapelayer.reporting.summary import explained
 from tapelayer.setups.sections import default_text, read_setup
-from tapelayer.units import DEG, MM
+from tapelayer.units import DEG, MM, Unit
 from tapelayer.workbench import command
 from urdf import TAPELAYER
 
@@ -44,7 +43,7 @@ app = typer.Typer(
     epilog="Start with: [bold]tapelayer demo[/bold], or [bold]tapelayer export COURSES.txt -o PROGRAM.nc[/bold]",
 )
 
-Courses = Annotated[str, typer.Argument(metavar="COURSES.txt", help="Course file (the paper's Table 3), mm.")]
+Courses = Annotated[str, typer.Argument(metavar="COURSES.txt", help="Course file (the paper's Table 3).")]
 SetupFile = Annotated[str | None, typer.Option("--setup", metavar="S.toml", help="Setup; without it the defaults.")]
 ControllerName = Annotated[
     str | None, typer.Option("--controller", metavar="NAME", help="Controller table, or the path of one.")
@@ -54,7 +53,9 @@ KinematicsName = Annotated[
 ]
 ReportFile = Annotated[str | None, typer.Option("--report", metavar="OUT.json", help="Write the report as JSON.")]
 HtmlFile = Annotated[str | None, typer.Option("--html", metavar="OUT.html", help="Write the report with plots.")]
-UnitName = Annotated[Unit, typer.Option("--unit", help="Unit of the model's numbers; STL does not state one.")]
+UnitName = Annotated[
+    Unit, typer.Option("--unit", help="Unit of the numbers of the model or course file, which do not state it.")
+]
 Direction = Annotated[
     float | None, typer.Option("--direction-deg", metavar="DEG", help="Travel of the passes, from +x towards +y.")
 ]
@@ -77,6 +78,7 @@ def export(
     setup: SetupFile = None,
     controller: ControllerName = None,
     kinematics: KinematicsName = None,
+    unit: UnitName = "mm",
     target: Annotated[
         str | None, typer.Option("-o", metavar="OUT.nc", help="Program; - for stdout, default COURSES.nc here.")
     ] = None,
@@ -90,7 +92,7 @@ def export(
     program, to_stdout = _target(target, courses)
     with _ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {courses}")
-        job = _job(kind_of("lay"), courses, setup, controller, {"kinematics": kinematics})
+        job = _job(kind_of("lay"), courses, setup, controller, {"kinematics": kinematics}, unit)
         _check_outputs(job, [courses, setup], [None if to_stdout else str(program), report_file, html_file], force)
         result = job.make(str(program), steps)
         if result.failure:
@@ -188,12 +190,12 @@ def spray(
 
 
 @app.command(epilog="Example: [bold]tapelayer inspect panel.txt[/bold]")
-def inspect(courses: Courses) -> None:
+def inspect(courses: Courses, unit: UnitName = "mm") -> None:
     """Show what a course file holds."""
     table = Table(title=Path(courses).name)
     for heading in ("course", "points", "length mm", "cuts deg", "slope deg", "off surface deg"):
         table.add_column(heading, justify="right", no_wrap=True)
-    parsed = read_courses(courses)
+    parsed = read_courses(courses, unit)
     for course in parsed:
         table.add_row(*_inspected(course))
     output.print(table)
@@ -266,7 +268,7 @@ def demo(
         raise TargetNotWritable(f"{into}: cannot be made a folder: {reason}; name another by --into") from None
     example = files("tapelayer.examples").joinpath("cylinder_panel_15.txt")
     stem = folder / "cylinder_panel_15"
-    export(str(example), None, None, None, f"{stem}.nc", f"{stem}.json", f"{stem}.html", force)
+    export(str(example), target=f"{stem}.nc", report_file=f"{stem}.json", html_file=f"{stem}.html", force=force)
     output.print(f"open {stem}.html to look at it", highlight=False, soft_wrap=True)
 
 

@@ -11,7 +11,16 @@ import numpy as np
 
 from tapelayer.courses.normal_check import NormalCheck
 from tapelayer.courses.separators import Separators, separators_of
-from tapelayer.courses.table import CHORD_SHARE, CHORD_SLACK, LONGEST_LINE, NUMBER, CourseTable, TableSteps, cut_angle
+from tapelayer.courses.table import (
+    CHORD_SHARE,
+    CHORD_SLACK,
+    LONGEST_LINE,
+    NUMBER,
+    CourseTable,
+    TableSteps,
+    cut_angle,
+    in_mm,
+)
 from tapelayer.errors import CourseFileRefused, InputFault
 from tapelayer.vectors import ramp
 
@@ -24,8 +33,13 @@ _CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _COURSE_NUMBER = re.compile(rb"(?=0*[1-9])[0-9]{1,9}")
 
 
-def careful_table(text: bytes, name: str) -> CourseTable:
+def careful_table(text: bytes, name: str, scale: float = 1.0) -> CourseTable:
     r"""Return the table of any file, read one line at a time.
+
+    Args:
+        text: of the file, without comments.
+        name: the file as the user named it.
+        scale: millimetres in the unit of its lengths.
 
     Raises:
         CourseFileRefused: with every fault.
@@ -47,7 +61,7 @@ def careful_table(text: bytes, name: str) -> CourseTable:
         reader.read()
     except _Hopeless:
         raise CourseFileRefused(name, reader.faults) from None
-    table = reader.table()
+    table = reader.table(scale)
     faults = sorted([*reader.faults, *_geometric_faults(table, reader)], key=lambda fault: fault.line)
     if faults:
         raise CourseFileRefused(name, faults)
@@ -133,9 +147,9 @@ class _Reader:
             if at < len(self.lines):
                 at = self._course(at)
 
-    def table(self) -> CourseTable:
-        """Return the table read so far; rows that could not be read are NaN."""
-        rows = np.frombuffer(self.rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
+    def table(self, scale: float) -> CourseTable:
+        """Return the table read so far, from lengths of `scale` millimetres; rows that could not be read are NaN."""
+        rows = in_mm(np.frombuffer(self.rows, dtype=np.float64).reshape(-1, len(_COLUMNS)), scale)
         readable = ~np.any(~np.isfinite(rows), axis=1)
         return CourseTable(self.numbers, self.cut_angles, np.array(self.counts, dtype=np.int64), rows, readable)
 

@@ -131,6 +131,20 @@ class TableSteps:
             return self.inside & ~(np.abs(self.growths - self.chords) <= allowed)
 
 
+def in_mm(rows: Floats, scale: float) -> Floats:
+    """Return the rows (n, 7) of a file with their lengths in millimetres.
+
+    Args:
+        rows: (n, 7) points and arc lengths in the file's unit, normals of any length.
+        scale: millimetres in that unit.
+
+    Examples:
+        >>> in_mm(np.array([[1.0, 2.0, 0.0, 0.0, 0.0, 1.0, 5.0]]), 25.4).tolist()
+        [[25.4, 50.8, 0.0, 0.0, 0.0, 1.0, 127.0]]
+    """
+    return rows if scale == 1.0 else rows * np.array([scale, scale, scale, 1.0, 1.0, 1.0, scale])
+
+
 def from_mm(mm: Floats) -> Floats:
     """Return metres for the millimetres of a file; any shape.
 

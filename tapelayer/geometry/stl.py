@@ -12,12 +12,12 @@ import numpy as np
 from tapelayer.arrays import Floats, Mask
 from tapelayer.errors import InputFault, MeshRefused
 from tapelayer.geometry.mending import RESOLUTION, mended
-from tapelayer.geometry.mesh import Mesh, Unit
+from tapelayer.geometry.mesh import Mesh
 from tapelayer.text import plain_text
+from tapelayer.units import METRES, Unit
 from tapelayer.vectors import norms
 
-METRES: dict[Unit, float] = {"mm": 1e-3, "m": 1.0, "in": 0.0254}
-LARGEST_SIDE = 1000.0  # metres; anything larger is a damaged file or a wrong unit
+FARTHEST = 1e6  # from the origin, in the file's unit: single precision leaves no shape there in any
 
 HEADER_BYTES = 80
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -37,13 +37,12 @@ _SOLID = re.compile(
 )
 
 
-def read_mesh(path: Path, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
+def read_mesh(path: Path, unit: Unit = "mm") -> Mesh:
     """Read a mended mesh from a binary or ASCII STL file.
 
     Args:
         path: the file.
         unit: unit of its numbers; STL does not state one.
-        spot: diameter of the spot in metres: a smaller part must be in another unit.
 
     Raises:
         MeshRefused: the file is missing, or as `parse_mesh`.
@@ -52,21 +51,20 @@ def read_mesh(path: Path, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
         data = path.read_bytes()
     except OSError as error:
         raise MeshRefused.unreadable(str(path), error) from None
-    return parse_mesh(data, str(path), unit, spot)
+    return parse_mesh(data, str(path), unit)
 
 
-def parse_mesh(data: bytes, name: str, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
+def parse_mesh(data: bytes, name: str, unit: Unit = "mm") -> Mesh:
     r"""Return a mended mesh from the bytes of a binary or ASCII STL file.
 
     Args:
         data: the file's bytes.
         name: the file as the user named it, for messages.
         unit: unit of its numbers; STL does not state one.
-        spot: diameter of the spot in metres: a smaller part must be in another unit.
 
     Raises:
-        MeshRefused: the file is empty, cut short or not STL, has corners that are not finite numbers, or has no facet
-            left after mending.
+        MeshRefused: the file is empty, cut short or not STL, has corners that are not finite numbers or far from
+            any part, or has no facet left after mending.
 
     Examples:
         >>> corners = "vertex 0 0 0 vertex 1000 0 0 vertex 0 1000 0"
@@ -80,20 +78,16 @@ def parse_mesh(data: bytes, name: str, unit: Unit = "mm", spot: float = 0.0) -> 
     if len(wrong):
         count = f"{len(wrong)} of {len(triangles)} facets have" if len(wrong) > 1 else "a facet has"
         raise _refused(name, f"{count} corners that are no finite numbers, first facet {wrong[0] + 1}; export it again")
+    distances = np.max(np.abs(triangles), axis=(1, 2))
+    far = np.flatnonzero(distances > FARTHEST)
+    if len(far):
+        count = f"{len(far)} of {len(triangles)} facets have corners" if len(far) > 1 else "a facet has a corner"
+        raise _refused(
+            name,
+            f"{count} {distances[far[0]]:.3g} {unit} from the origin, expected at most {FARTHEST:g} {unit}, "
+            f"first facet {far[0] + 1}: it is damaged; export it again",
+        )
     triangles = triangles * METRES[unit]
-    sides = np.ptp(triangles.reshape(-1, 3), axis=0)
-    if sides.max() < spot:
-        raise _refused(
-            name,
-            f"the part's largest side is {sides.max() * 1e3:.3g} mm, less than the spot of {spot * 1e3:g} mm; "
-            f"if the file is not in {unit}, say so: --unit {'m' if unit != 'm' else 'mm'}",
-        )
-    if sides.max() > LARGEST_SIDE:
-        raise _refused(
-            name,
-            f"the part's largest side is {sides.max():.3g} m, expected at most {LARGEST_SIDE:g} m; "
-            f"if the file is not in {unit}, say so: --unit {'mm' if unit != 'mm' else 'in'}",
-        )
     vertices, facets, mending = mended(triangles)
     if not len(facets):
         raise _refused(name, f"no facet is left: all {len(triangles)} are without area; export it again")

@@ -13,9 +13,10 @@ from rich.table import Table
 from post.controllers import load
 from tapelayer.arrays import Floats
 from tapelayer.errors import MeshRefused
-from tapelayer.geometry.mesh import Mesh, Unit
+from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.stl import parse_mesh
 from tapelayer.jobs.job import JobResult, MachineJob, machine_of
+from tapelayer.jobs.part_size import check_size
 from tapelayer.jobs.stages import COATING, PLANNING, SLICING
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import Event, Trajectory
@@ -38,7 +39,7 @@ from tapelayer.spraying.program import Spraying, spray
 from tapelayer.spraying.quantities import ROWS, Judged, limited
 from tapelayer.spraying.reach import Reach, placement
 from tapelayer.spraying.settings import SpraySetup
-from tapelayer.units import MM
+from tapelayer.units import MM, Unit
 from urdf import SPRAYER
 
 
@@ -86,7 +87,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             unit: unit of the file's numbers.
 
         Raises:
-            MeshRefused: the bytes cannot be used.
+            MeshRefused: the bytes cannot be used, or the part is of a size that is none for the machine.
             ControllerRefused: the setup's controller table cannot be used.
             ModelRefused: the setup's URDF cannot be used.
             FootprintRefused: the setup's profile cannot be used.
@@ -97,7 +98,8 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         if setup.footprint.profile is not None:
             footprint_of(setup)
             profile = Path(setup.footprint.profile).read_bytes()
-        mesh = parse_mesh(data, name, unit, setup.spray.spot_mm * MM)
+        mesh = parse_mesh(data, name, unit)
+        check_size(mesh.vertices, unit, machine, ("spot", setup.spray.spot_mm * MM), name, MeshRefused)
         provenance = Provenance(
             source=mesh.name,
             source_sha256=mesh.sha256,

@@ -66,7 +66,7 @@ def test_ascii_spelling_does_not_matter(tmp_path, change):
     np.testing.assert_array_equal(mesh.vertices[mesh.facets], TETRAHEDRON * 1e-3)
 
 
-@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("m", 1.0), ("in", 0.0254)])
+@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("in", 0.0254)])
 def test_units(tmp_path, unit, metres):
     mesh = read_mesh(written(tmp_path, binary(TETRAHEDRON)), unit)
     np.testing.assert_array_equal(mesh.vertices[mesh.facets], TETRAHEDRON * metres)
@@ -212,32 +212,33 @@ def test_a_missing_file_is_refused(tmp_path):
         (binary(TETRAHEDRON * 0), "no facet is left: all 4 are without area; export it again"),
         (
             binary(TETRAHEDRON * 1e36),
-            "the part's largest side is 8e+34 m, expected at most 1000 m; if the file is not in mm, say so: --unit in",
+            "4 of 4 facets have corners 7e+37 mm from the origin, expected at most 1e+06 mm, first facet 1: it is "
+            "damaged; export it again",
+        ),
+        (
+            ascii(TETRAHEDRON).replace(b"80.0", b"-1e308", 1),
+            "a facet has a corner 1e+308 mm from the origin, expected at most 1e+06 mm, first facet 2: it is damaged; "
+            "export it again",
         ),
     ],
     ids=[
         *("empty", "html", "no header", "cut between facets", "counts one more", "no facets", "counts none"),
         *("ascii without facets", "ascii cut between facets", "ascii cut inside a facet", "letter in a number"),
         *("decimal commas", "commas", "semicolons", "control character"),
-        *("four corners", "windows nan", "nan", "infinity", "all on a line", "all at a point", "too large"),
+        *(
+            "four corners",
+            "windows nan",
+            "nan",
+            "infinity",
+            "all on a line",
+            "all at a point",
+            "too large",
+            "one corner too far",
+        ),
     ],
 )
 def test_what_cannot_be_mended_is_refused_in_one_sentence(tmp_path, data, sentence):
     assert refusal(written(tmp_path, data)) == sentence
-
-
-def test_a_part_smaller_than_the_spot_is_in_another_unit(tmp_path):
-    path = written(tmp_path, binary(TETRAHEDRON * 1e-3))
-    assert refusal(path, spot=0.06) == (
-        "the part's largest side is 0.08 mm, less than the spot of 60 mm; if the file is not in mm, say so: --unit m"
-    )
-    assert read_mesh(path, "m", spot=0.06).mending == Mending(facets_read=4)
-
-
-def test_a_millimetre_file_read_as_metres_is_too_large(tmp_path):
-    assert refusal(written(tmp_path, binary(TETRAHEDRON * 20)), unit="m") == (
-        "the part's largest side is 1.6e+03 m, expected at most 1000 m; if the file is not in m, say so: --unit mm"
-    )
 
 
 @given(st.binary(max_size=400))
