@@ -219,6 +219,10 @@ class NothingToSpray(TapelayerError):
     """The gun can reach no part of a surface."""
 
 
+class PartBeyondReach(TapelayerError):
+    """Most of a surface lies where the gun does not reach it."""
+
+
 class NotWritable(TapelayerError):
     """A trajectory cannot be expressed in a control's words."""
 

@@ -36,7 +36,7 @@ from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.pitch import widest_pitch
 from tapelayer.spraying.pose_file import trajectory_text
 from tapelayer.spraying.program import Spraying, spray
-from tapelayer.spraying.quantities import ROWS, Judged, limited
+from tapelayer.spraying.quantities import LEAST_AREA, ROWS, Judged, limited
 from tapelayer.spraying.reach import Reach, placement
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import MM, Unit
@@ -234,6 +234,15 @@ class SprayResult(JobResult[SprayEvidence]):
     def page(self, title: str) -> str:
         """Return the report as one HTML page with plots; its title is the program's name."""
         return page.html(self.judged, self.trajectory, self.report(), self.job.setup, title)
+
+    def notes(self) -> tuple[str, ...]:
+        """Return a note on the surface that no pass goes over because the machine does not reach it."""
+        lost = self.judged.plan.beyond_travel
+        if lost <= LEAST_AREA:
+            return ()
+        return (
+            f"{self.job.model.name}: {lost:.4g} m2 of the surface lie beyond the machine's reach: no pass goes there",
+        )
 
     def files(self) -> dict[str, bytes]:
         """Return the gun's poses, with the hash of their own text in the second line."""
