@@ -13,7 +13,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from tapelayer.errors import TapelayerError
+from tapelayer.errors import TapelayerError, printable
 
 if TYPE_CHECKING:
     import typer
@@ -91,9 +91,9 @@ def _readable(error: UnicodeError) -> tuple[str, int]:
 
 
 def _say(sentence: str) -> None:
-    """Write a sentence to stderr, if anyone can read it there."""
+    """Write a sentence, or several with a line each, to stderr, if anyone can read it there."""
     with suppress(OSError):
-        sys.stderr.write(f"{sentence}\n")
+        sys.stderr.write("".join(f"{printable(line)}\n" for line in sentence.split("\n")))
 
 
 def _discard_stdout() -> None:

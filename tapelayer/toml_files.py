@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from tapelayer.errors import InputFault, InputRefused
+from tapelayer.text import plain_text
 
 # Keys with many dots and numbers with very many digits exhaust the memory and time of a TOML parser.
 MOST_BYTES = 1 << 18
@@ -20,7 +21,7 @@ def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict
     r"""Return the table of a TOML file, and its text.
 
     Args:
-        data: the file's bytes, with or without a byte order mark.
+        data: the file's bytes.
         name: the file as the user named it.
         refused: error to raise with the file's faults.
 
@@ -40,7 +41,7 @@ def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict
             name, [InputFault(0, f"has {len(data)} bytes, expected at most {MOST_BYTES}; is it the right file?")]
         )
     try:
-        text = data.decode("utf-8-sig")
+        text = plain_text(data, name, refused).decode()
     except UnicodeDecodeError as error:
         raise refused(name, [InputFault(0, f"byte {error.start} is not UTF-8; save the file as UTF-8")]) from None
     # Only LF ends a line of TOML.

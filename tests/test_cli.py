@@ -419,7 +419,7 @@ def test_completion_scripts_are_shown_and_installed(tmp_path: Path, shell: str) 
         ({"_TAPELAYER_COMPLETE": "complete_bash", "COMP_WORDS": "tapelayer ex", "COMP_CWORD": "1"}, {"export"}),
         (
             {"_TAPELAYER_COMPLETE": "complete_bash", "COMP_WORDS": "tapelayer spray --unit ", "COMP_CWORD": "3"},
-            {"mm", "m", "in"},
+            {"mm", "cm", "m", "in"},
         ),
         (
             {

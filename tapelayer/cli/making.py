@@ -44,22 +44,23 @@ from tapelayer.errors import (
     InputRefused,
     ModelRefused,
     NothingToSpray,
+    PartBeyondReach,
     SetupRefused,
     TapelayerError,
     TargetNotWritable,
     VerificationFailed,
 )
-from tapelayer.geometry.mesh import Unit
 from tapelayer.jobs.contents import Content, kind_of_source, source_of
 from tapelayer.jobs.job import JobResult, MachineJob
 from tapelayer.jobs.kind import Form, JobKind
 from tapelayer.jobs.kinds import KindName, kind_of, kinds
 from tapelayer.setups.sections import JobSetup, read_setup
+from tapelayer.units import Unit
 
 # Faults of what all sources of a command share.
 SHARED = (ControllerRefused, FootprintRefused, ModelRefused, SetupRefused)
 # Errors whose texts name their file, or need none.
-NAMED = (InputRefused, ModelRefused, NothingToSpray, TargetNotWritable, VerificationFailed)
+NAMED = (InputRefused, ModelRefused, NothingToSpray, PartBeyondReach, TargetNotWritable, VerificationFailed)
 
 
 class SourceRefused(TapelayerError):
@@ -71,12 +72,11 @@ class SourceRefused(TapelayerError):
     "Of several files: [bold]tapelayer export *.txt -o programs[/bold]",
 )
 def export(
-    courses: Annotated[
-        list[str], typer.Argument(metavar="COURSES.txt", help="Course files (the paper's Table 3), mm.")
-    ],
+    courses: Annotated[list[str], typer.Argument(metavar="COURSES.txt", help="Course files (the paper's Table 3).")],
     setup: SetupFile = None,
     controller: LayController = None,
     kinematics: KinematicsName = None,
+    unit: UnitName = "mm",
     target: Annotated[
         str | None,
         typer.Option("-o", metavar="OUT.nc", help="Program; of several, a folder; - for stdout. Default: COURSES.nc."),
@@ -90,7 +90,7 @@ def export(
 ) -> None:
     """Plan, write, read back and verify NC programs; nothing that fails is written."""
     outputs = outputs_of(courses, target, report_file, html_file)
-    made = _Making("lay", "mm", quiet, verbose, as_json, force)
+    made = _Making("lay", unit_of(unit), quiet, verbose, as_json, force)
     made.run(courses, outputs, setup, controller, {"kinematics": kinematics})
 
 

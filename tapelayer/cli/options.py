@@ -10,8 +10,8 @@ import typer
 
 from post import controllers
 from tapelayer.errors import InputFault, InputRefused, SetupRefused
-from tapelayer.geometry.mesh import Unit
 from tapelayer.jobs.kinds import NAMES, KindName
+from tapelayer.units import Unit
 
 UNITS = get_args(Unit)
 
@@ -27,7 +27,7 @@ def _controller(default: str) -> typer.models.OptionInfo:
     return option
 
 
-Courses = Annotated[str, typer.Argument(metavar="COURSES.txt", help="Course file (the paper's Table 3), mm.")]
+Courses = Annotated[str, typer.Argument(metavar="COURSES.txt", help="Course file (the paper's Table 3).")]
 SetupFile = Annotated[str | None, typer.Option("--setup", metavar="S.toml", help="Setup; without it the defaults.")]
 LayController = Annotated[str | None, _controller("jb3208")]
 SprayController = Annotated[str | None, _controller("generic5")]
@@ -53,7 +53,7 @@ UnitName = Annotated[
     typer.Option(
         "--unit",
         metavar="|".join(UNITS),
-        help="Unit of the model's numbers; STL does not state one.",
+        help="Unit of the numbers of the model or course file, which do not state it.",
         autocompletion=lambda: list(UNITS),
     ),
 ]
@@ -85,14 +85,14 @@ class OptionRefused(InputRefused):
     def because(cls, option: str, sentence: str) -> OptionRefused:
         """Return the refusal of an option.
 
-        >>> print(OptionRefused.because("--unit", "expected mm, m or in, got 'ft'"))
-        --unit: expected mm, m or in, got 'ft'
+        >>> print(OptionRefused.because("--unit", "expected mm, cm, m or in, got 'ft'"))
+        --unit: expected mm, cm, m or in, got 'ft'
         """
         return cls(option, [InputFault(0, sentence)])
 
 
 def unit_of(text: str) -> Unit:
-    """Return the unit of a model's numbers.
+    """Return the unit of the numbers of a model or course file.
 
     Raises:
         OptionRefused: there is no such unit.

@@ -15,7 +15,7 @@ from rich.text import Text
 from post import controllers
 from tapelayer.cli.application import command, output
 from tapelayer.cli.misfits import content_at, expecting
-from tapelayer.cli.options import Courses, Kind, SetupFile, kind_name
+from tapelayer.cli.options import Courses, Kind, SetupFile, UnitName, kind_name, unit_of
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import read_courses
 from tapelayer.jobs.contents import Content, source_of
@@ -28,13 +28,13 @@ from tapelayer.units import DEG, MM
 
 
 @command(epilog="Example: [bold]tapelayer inspect panel.txt[/bold]")
-def inspect(courses: Courses) -> None:
+def inspect(courses: Courses, unit: UnitName = "mm") -> None:
     """Show what a course file holds."""
     table = Table(title=Text(Path(courses).name))
     for heading in ("course", "points", "length mm", "cuts deg", "slope deg", "off surface deg"):
         table.add_column(heading, justify="right", no_wrap=True)
     with expecting(courses, source_of(Form.COURSES)):
-        parsed = read_courses(courses)
+        parsed = read_courses(courses, unit_of(unit))
     for course in parsed:
         table.add_row(*_inspected(course))
     output.print(table)

@@ -14,6 +14,7 @@ import numpy as np
 from post.controllers.table import Controller
 from tapelayer.jobs.kind import Form
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of
+from tapelayer.text import beginning
 
 # As much as tells what a file is.
 HEAD_BYTES = 1 << 16
@@ -22,7 +23,6 @@ STL_RECORD = 50
 # Numbers of a facet that are none of these are not numbers of a facet.
 LARGEST, SMALLEST, LONGEST_NORMAL = 1e9, 1e-30, 1.01
 
-_ENCODINGS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x19]")
 _SECTION = re.compile(r"[ \t]*\[{1,2}[ \t]*([\w-]+)([\w.\t -]*)\]")
 _KEY = re.compile(r"""[ \t]*["']?([\w-]+)["']?[ \t]*[.=]""")
@@ -99,12 +99,12 @@ def content_of(data: bytes, size: int | None = None) -> Content:
         >>> content_of(b"%\nN10 G90\n").form.value
         'an NC program'
     """
-    if _is_binary_stl(data, len(data) if size is None else size):
+    text = _text(data[:HEAD_BYTES])
+    if text is None and _is_binary_stl(data, len(data) if size is None else size):
         return source_of(Form.MODEL)
     for signature, form in _SIGNATURES:
         if data.startswith(signature):
             return Content(form)
-    text = _text(data[:HEAD_BYTES])
     if text is None:
         return Content(Form.BINARY)
     for pattern, form in _TEXTS:
@@ -157,8 +157,7 @@ def _is_binary_stl(data: bytes, size: int) -> bool:
 
 def _text(data: bytes) -> str | None:
     """Return text with lines ended by LF; None where the bytes are no text."""
-    encoding = next((name for mark, name in _ENCODINGS if data.startswith(mark)), "utf-8")
-    text = data.decode(encoding, "replace").replace("\r\n", "\n").replace("\r", "\n")
+    text = beginning(data)
     return None if _BINARY.search(text.rstrip("\x1a")) else text
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
 from post.controllers import load
@@ -15,6 +16,7 @@ from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import CourseFileRefused
 from tapelayer.jobs.job import JobResult, MachineJob, is_timed, machine_of
+from tapelayer.jobs.part_size import check_size
 from tapelayer.jobs.stages import PLANNING
 from tapelayer.laying import page
 from tapelayer.laying.evidence import Evidence
@@ -28,6 +30,7 @@ from tapelayer.provenance import VERSION, Provenance
 from tapelayer.reporting.not_judged import english, unjudged
 from tapelayer.reporting.quantity import beyond_limits, numbers
 from tapelayer.reporting.summary import summary
+from tapelayer.units import MM, Unit
 from urdf import TAPELAYER
 
 
@@ -49,8 +52,8 @@ class Job(MachineJob[None, Evidence]):
     SOURCE = "course file"
 
     @staticmethod
-    def read(path: Path | str, setup: Setup, unit: str = "mm") -> Job:
-        """Return the job of a course file, in mm.
+    def read(path: Path | str, setup: Setup, unit: Unit = "mm") -> Job:
+        """Return the job of a course file.
 
         Raises:
             CourseFileRefused: the file cannot be read.
@@ -64,30 +67,34 @@ class Job(MachineJob[None, Evidence]):
         return Job.of(data, str(path), setup, unit)
 
     @staticmethod
-    def of(data: bytes, name: str, setup: Setup, unit: str = "mm") -> Job:
-        """Return the job of the bytes of a course file, in mm.
+    def of(data: bytes, name: str, setup: Setup, unit: Unit = "mm") -> Job:
+        """Return the job of the bytes of a course file.
 
         Args:
             data: the file's bytes.
             name: the file's name in messages; the program's header has the base name.
             setup: the job's values.
-            unit: unit of the file's numbers: course files are in mm.
+            unit: unit of the file's lengths.
 
         Raises:
-            CourseFileRefused: the bytes are not a course file.
+            CourseFileRefused: the bytes are not a course file, or its part is of a size that is none for the machine.
             ControllerRefused: the setup's controller table cannot be used.
             ModelRefused: the setup's URDF cannot be used.
         """
         controller = load(setup.output.controller)
         machine = machine_of(setup, TAPELAYER)
+        courses = parse_courses(data, name, unit)
+        points = np.concatenate([course.points for course in courses])
+        check_size(points, unit, machine, ("tape", setup.tape.width_mm * MM), name, CourseFileRefused)
         provenance = Provenance(
             source=Path(name).name,
             source_sha256=hashlib.sha256(data).hexdigest(),
             setup_sha256=setup.sha256(machine.path.read_bytes()),
             version=VERSION,
+            notes=() if unit == "mm" else (f"courses in {unit}",),
             not_judged=english(unjudged(is_timed(machine, controller))),
         )
-        return Job(setup, machine, controller, provenance, parse_courses(data, name))
+        return Job(setup, machine, controller, provenance, courses)
 
     @property
     def axes(self) -> tuple[str, ...]:

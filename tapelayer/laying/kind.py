@@ -6,12 +6,12 @@ from tapelayer.jobs.kind import BuiltIn, Form, JobKind, Option, Source
 from tapelayer.jobs.stages import PLANNING, READING, READING_BACK, SAVING, VERIFYING, VERIFYING_PLAN, WRITING
 from tapelayer.laying.job import Job
 from tapelayer.laying.limits import limits_of
-from tapelayer.reporting.not_judged import unjudged
 from tapelayer.laying.quantities import ROWS
 from tapelayer.laying.scene import scene
 from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
 from tapelayer.machines.machine import Machine
+from tapelayer.reporting.not_judged import unjudged
 from urdf import TAPELAYER
 
 

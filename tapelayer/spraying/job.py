@@ -13,9 +13,10 @@ from rich.table import Table
 from post.controllers import load
 from tapelayer.arrays import Floats
 from tapelayer.errors import MeshRefused
-from tapelayer.geometry.mesh import Mesh, Unit
+from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.stl import parse_mesh
 from tapelayer.jobs.job import JobResult, MachineJob, is_timed, machine_of
+from tapelayer.jobs.part_size import check_size
 from tapelayer.jobs.stages import COATING, PLANNING, SLICING
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import Event, Trajectory
@@ -34,10 +35,10 @@ from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.pitch import widest_pitch
 from tapelayer.spraying.pose_file import trajectory_text
 from tapelayer.spraying.program import Spraying, spray
-from tapelayer.spraying.quantities import ROWS, Judged, limited
+from tapelayer.spraying.quantities import LEAST_AREA, ROWS, Judged, limited
 from tapelayer.spraying.reach import Reach, placement
 from tapelayer.spraying.settings import SpraySetup
-from tapelayer.units import MM
+from tapelayer.units import MM, Unit
 from urdf import SPRAYER
 
 
@@ -85,7 +86,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             unit: unit of the file's numbers.
 
         Raises:
-            MeshRefused: the bytes cannot be used.
+            MeshRefused: the bytes cannot be used, or the part is of a size that is none for the machine.
             ControllerRefused: the setup's controller table cannot be used.
             ModelRefused: the setup's URDF cannot be used.
             FootprintRefused: the setup's profile cannot be used.
@@ -96,7 +97,8 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         if setup.footprint.profile is not None:
             footprint_of(setup)
             profile = Path(setup.footprint.profile).read_bytes()
-        mesh = parse_mesh(data, name, unit, setup.spray.spot_mm * MM)
+        mesh = parse_mesh(data, name, unit)
+        check_size(mesh.vertices, unit, machine, ("spot", setup.spray.spot_mm * MM), name, MeshRefused)
         provenance = Provenance(
             source=mesh.name,
             source_sha256=mesh.sha256,
@@ -232,6 +234,15 @@ class SprayResult(JobResult[SprayEvidence]):
     def page(self, title: str) -> str:
         """Return the report as one HTML page with plots; its title is the program's name."""
         return page.html(self.judged, self.trajectory, self.report(), self.job.setup, title)
+
+    def notes(self) -> tuple[str, ...]:
+        """Return a note on the surface that no pass goes over because the machine does not reach it."""
+        lost = self.judged.plan.beyond_travel
+        if lost <= LEAST_AREA:
+            return ()
+        return (
+            f"{self.job.model.name}: {lost:.4g} m2 of the surface lie beyond the machine's reach: no pass goes there",
+        )
 
     def files(self) -> dict[str, bytes]:
         """Return the gun's poses, with the hash of their own text in the second line."""

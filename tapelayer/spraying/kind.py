@@ -19,9 +19,9 @@ from tapelayer.jobs.stages import (
 )
 from tapelayer.machines import wrist
 from tapelayer.machines.machine import Machine
+from tapelayer.reporting.not_judged import unjudged
 from tapelayer.spraying.job import SprayJob
 from tapelayer.spraying.limits import limits_of
-from tapelayer.reporting.not_judged import unjudged
 from tapelayer.spraying.quantities import ROWS
 from tapelayer.spraying.scene import scene
 from tapelayer.spraying.settings import SpraySetup

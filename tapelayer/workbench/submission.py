@@ -14,10 +14,10 @@ import defusedxml.ElementTree
 from defusedxml import DefusedXmlException
 
 from post import controllers
-from tapelayer.geometry.mesh import Unit
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds
 from tapelayer.setups.forms import text_of
 from tapelayer.setups.sections import parse_setup
+from tapelayer.units import Unit
 from tapelayer.workbench.problems import Problem
 from tapelayer.workbench.uploads import Form, Sort, invalid, shown
 

@@ -51,7 +51,7 @@ def test_a_setup_with_shared_keys_alone_is_of_either_kind() -> None:
 
 
 @pytest.mark.parametrize(("data", "content"), [(FLAT, LAYING), (PROGRAM, Content(Form.PROGRAM)), (ASCII, SPRAYING)])
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-be"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_text_is_known_in_every_encoding_and_with_every_line_end(
     data: bytes, content: Content, encoding: str, end: str
@@ -59,6 +59,11 @@ def test_text_is_known_in_every_encoding_and_with_every_line_end(
     text = data.decode().replace("\n", end)
     assert content_of(text.encode(encoding)) == content
     assert content_of(f"{text}\x1a".encode(encoding)) == content
+    assert content_of(text.encode(encoding)[:-1]) == content
+
+
+def test_a_model_in_wide_characters_is_a_model() -> None:
+    assert content_of_file(ROOT / "tests" / "faults" / "inputs" / "utf16.stl") == SPRAYING
 
 
 def test_a_damaged_model_is_still_a_model() -> None:

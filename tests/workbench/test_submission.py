@@ -139,7 +139,7 @@ def test_a_urdf_only_describes(tmp_path: Path, data: bytes, code: str, sentence:
         ({}, "invalid-request", "kind: expected lay or spray, it is missing"),
         ({"kind": "Lay"}, "invalid-request", "kind: expected lay or spray, got 'Lay'"),
         ({"kind": "lay", "unit": "mm"}, "invalid-request", "unit: a unit belongs to kind spray, course files are in "),
-        ({"kind": "spray", "unit": "ft"}, "invalid-request", "unit: expected mm or m or in, got 'ft'"),
+        ({"kind": "spray", "unit": "ft"}, "invalid-request", "unit: expected mm or cm or m or in, got 'ft'"),
         ({"kind": "lay", "controller": "fanuc"}, "name-not-allowed", "[output] controller: 'fanuc' is neither built "),
     ],
 )
