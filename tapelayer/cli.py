@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -27,8 +28,10 @@ from tapelayer.jobs.kind import JobKind
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, name_of_source
 from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
-from tapelayer.provenance import unedited
+from tapelayer.provenance import moment, unedited
+from tapelayer.reporting.subject import Occasion
 from tapelayer.reporting.summary import explained
+from tapelayer.reporting.words import Language, Say, language_of
 from tapelayer.setups.sections import default_text, read_setup
 from tapelayer.units import DEG, MM
 from tapelayer.workbench import command
@@ -62,6 +65,9 @@ Pitch = Annotated[str | None, typer.Option("--pitch-mm", metavar="MM|auto", help
 Force = Annotated[
     bool, typer.Option("--force", metavar="", help="Replace files that were edited, or that tapelayer did not write.")
 ]
+LanguageName = Annotated[
+    Language | None, typer.Option("--language", help="Language of the report; without it the locale's.")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", metavar="", help="Say nothing but errors.")]
 Verbose = Annotated[bool, typer.Option("--verbose", metavar="", help="Say how long each step takes.")]
 
@@ -85,6 +91,7 @@ def export(
     force: Force = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
+    language: LanguageName = None,
 ) -> None:
     """Plan, write, read back and verify an NC program; nothing that fails is written."""
     program, to_stdout = _target(target, courses)
@@ -96,9 +103,10 @@ def export(
         if result.failure:
             raise result.failure
         steps.begin("saving")
-        title = Path(courses).name if to_stdout else program.name
-        _save(result, {} if to_stdout else {program: result.text}, title, report_file, html_file)
-    _hand_over(result, program, to_stdout, quiet)
+        occasion, language = _occasion(None if to_stdout else program, setup), _language(language)
+        contents = {} if to_stdout else {program: result.text}
+        _save(result, contents, occasion, language, report_file, html_file)
+    _hand_over(result, program, to_stdout, quiet, language)
 
 
 @app.command(
@@ -126,6 +134,7 @@ def verify(
     ] = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
+    language: LanguageName = None,
 ) -> None:
     """Judge an NC program by its text against its courses, or against the model that it sprays."""
     options = {"kinematics": kinematics, "direction_deg": direction_deg, "pitch_mm": pitch_mm}
@@ -137,11 +146,12 @@ def verify(
         job = _job(kind, source, setup, controller, options, unit)
         _check_outputs(job, [program, source, setup], [report_file, html_file], force)
         result = job.judge(text, program, force, steps)
-        _save(result, {}, Path(program).name, report_file, html_file)
+        language = _language(language)
+        _save(result, {}, _occasion(Path(program), setup), language, report_file, html_file)
     for remark in result.remarks:
         sys.stderr.write(f"{remark}\n")
     if not quiet:
-        _conclude(result, program, output)
+        _conclude(result, program, output, language)
     if result.failure:
         raise result.failure
 
@@ -167,6 +177,7 @@ def spray(
     force: Force = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
+    language: LanguageName = None,
 ) -> None:
     """Plan, write, read back and verify a spraying program; nothing that fails is written."""
     program, to_stdout = _target(target, model)
@@ -183,8 +194,9 @@ def spray(
         contents = {} if to_stdout else {program: result.text}
         if trajectory_file:
             contents[Path(trajectory_file)] = result.files()["trajectory.txt"]
-        _save(result, contents, Path(model).name if to_stdout else program.name, report_file, html_file)
-    _hand_over(result, program, to_stdout, quiet)
+        occasion, language = _occasion(None if to_stdout else program, setup), _language(language)
+        _save(result, contents, occasion, language, report_file, html_file)
+    _hand_over(result, program, to_stdout, quiet, language)
 
 
 @app.command(epilog="Example: [bold]tapelayer inspect panel.txt[/bold]")
@@ -217,10 +229,12 @@ def setup(
 @app.command(epilog="Example: [bold]tapelayer quantities --kind spray[/bold]")
 def quantities(
     kind: Annotated[KindName, typer.Option("--kind", help="The job: tape laying or spraying.")] = NAMES[0],
+    language: LanguageName = None,
 ) -> None:
     """Explain every number of a report: its unit, its limit in the setup and its meaning."""
     chosen = kind_of(kind)
-    output.print(explained(chosen.rows, chosen.limits(chosen.setup.model_validate({}))))
+    limits = chosen.limits(chosen.setup.model_validate({}))
+    output.print(explained(chosen.rows, limits, Say(_language(language))))
 
 
 @app.command(epilog="Example: [bold]tapelayer machine --setup job.toml[/bold]")
@@ -342,32 +356,51 @@ def _check_outputs(
 
 
 def _save(
-    result: JobResult[Any], contents: dict[Path, bytes], title: str, report_file: str | None, html_file: str | None
+    result: JobResult[Any],
+    contents: dict[Path, bytes],
+    occasion: Occasion,
+    language: Language,
+    report_file: str | None,
+    html_file: str | None,
 ) -> None:
     """Write these files and the requested reports together."""
     if report_file:
-        contents[Path(report_file)] = result.report_file()
+        contents[Path(report_file)] = result.report_file(occasion)
     if html_file:
-        contents[Path(html_file)] = result.page_file(title)
+        contents[Path(html_file)] = result.page_file(occasion, language)
     write_files(contents)
 
 
-def _hand_over(result: JobResult[Any], program: Path, to_stdout: bool, quiet: bool) -> None:
+def _occasion(program: Path | None, setup: str | None) -> Occasion:
+    """Return the occasion of a judgement now, or at the moment that SOURCE_DATE_EPOCH names."""
+    judged_at = moment(time.time(), os.environ.get("SOURCE_DATE_EPOCH"))
+    return Occasion("" if program is None else program.name, "" if setup is None else Path(setup).name, judged_at)
+
+
+def _language(option: Language | None) -> Language:
+    """Return the language that an option names; without it the locale's."""
+    return option or language_of(os.environ)
+
+
+def _hand_over(result: JobResult[Any], program: Path, to_stdout: bool, quiet: bool, language: Language) -> None:
     """Write the program to stdout if requested there, and the summary to the other stream."""
     if to_stdout:
         sys.stdout.buffer.write(result.text)
         sys.stdout.buffer.flush()
     if not quiet:
-        _conclude(result, "the program" if to_stdout else str(program), notices if to_stdout else output)
+        _conclude(result, "the program" if to_stdout else str(program), notices if to_stdout else output, language)
 
 
-def _conclude(result: JobResult[Any], name: str, console: Console) -> None:
+def _conclude(result: JobResult[Any], name: str, console: Console, language: Language) -> None:
     """Print the summary and the notes of a result, and a last line if it passed."""
-    console.print(result.summary())
-    for note in result.notes():
+    console.print(result.summary(language))
+    for note in result.notes(language):
         sys.stderr.write(f"{note}\n")
     if result.evidence.passed:
-        console.print(f"{name}: {result.evidence.blocks} blocks, verified", highlight=False, soft_wrap=True)
+        words = Say(language)(
+            "{name}: {n} blocks, verified", "{name}：{n} 个程序段，校验合格", name=name, n=result.evidence.blocks
+        )
+        console.print(words, highlight=False, soft_wrap=True)
 
 
 def _job(
