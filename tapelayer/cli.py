@@ -32,7 +32,7 @@ from tapelayer.provenance import moment, unedited
 from tapelayer.reporting.subject import Occasion
 from tapelayer.reporting.summary import explained
 from tapelayer.reporting.words import Language, Say, language_of
-from tapelayer.setups.sections import default_text, read_setup
+from tapelayer.setups.sections import read_setup, whole_text
 from tapelayer.units import DEG, MM
 from tapelayer.workbench import command
 from urdf import TAPELAYER
@@ -223,7 +223,7 @@ def setup(
 ) -> None:
     """Print the default setup as a commented TOML file."""
     chosen = kind_of(kind)
-    sys.stdout.write(default_text(chosen.setup, chosen.title))
+    sys.stdout.write(whole_text(chosen.setup.model_validate({}), chosen.title))
 
 
 @app.command(epilog="Example: [bold]tapelayer quantities --kind spray[/bold]")

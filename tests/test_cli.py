@@ -14,7 +14,7 @@ import pytest
 
 from tapelayer.laying.settings import Setup
 from tapelayer.provenance import unedited
-from tapelayer.setups.sections import default_text
+from tapelayer.setups.sections import whole_text
 from tests.helpers.paths import ROOT
 from urdf import TAPELAYER
 
@@ -175,7 +175,7 @@ def test_the_papers_form_is_reported_loudly(tmp_path: Path) -> None:
 
 
 def test_setup_prints_the_commented_default(tmp_path: Path) -> None:
-    assert run("setup", cwd=tmp_path).stdout == default_text(Setup, "Setup of a tape-laying job")
+    assert run("setup", cwd=tmp_path).stdout == whole_text(Setup(), "Setup of a tape-laying job")
 
 
 def test_machine_controllers_and_inspect_show_what_there_is(tmp_path: Path) -> None:

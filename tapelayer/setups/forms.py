@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tapelayer.setups.sections import JobSetup, parse_setup, parse_table
+from tapelayer.setups.sections import JobSetup, parse_setup, parse_table, whole_text
 from tapelayer.toml_files import toml_text
 
 # Values by section and key.
@@ -42,6 +42,22 @@ def text_of_values(values: Values, model: type[JobSetup]) -> str:
     """
     text = text_of(parse_table(model, values, NAME))
     # Reading reveals what no file may hold, such as half a character or a name of a thousand letters.
+    parse_setup(text.encode(errors="surrogatepass"), NAME, model)
+    return text
+
+
+def whole_text_of_values(values: Values, model: type[JobSetup], title: str) -> str:
+    r"""Return values as a commented TOML file with every other key, too.
+
+    Raises:
+        SetupRefused: as `text_of_values`.
+
+    Examples:
+        >>> from tapelayer.laying.settings import Setup
+        >>> "roll_length_m = 150" in whole_text_of_values({"tape": {"width_mm": 50}}, Setup, "Setup")
+        True
+    """
+    text = whole_text(parse_table(model, values, NAME), title)
     parse_setup(text.encode(errors="surrogatepass"), NAME, model)
     return text
 

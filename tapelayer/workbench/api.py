@@ -18,7 +18,7 @@ from starlette.concurrency import run_in_threadpool
 
 from tapelayer.jobs.kinds import KindName, kind_of
 from tapelayer.reporting.words import Language, language_accepted
-from tapelayer.setups.sections import parse_setup
+from tapelayer.setups.sections import parse_setup, whole_text
 from tapelayer.workbench.answers import (
     FORM,
     REFUSED_FORMS,
@@ -175,9 +175,14 @@ def program(record: JobOfPath, request: Request) -> FileResponse:
     response_class=FileResponse,
     responses=content("application/toml") | responses("not-found"),
 )
-def setup(record: JobOfPath, request: Request) -> FileResponse:
-    """Download the job's setup: the values that it was given, the controller among them."""
-    return JobFile(_store(request).folder(record.id) / "setup.toml", media_type="application/toml")
+def setup(record: JobOfPath, request: Request, whole: bool = False) -> Response:
+    """Download the job's setup: the values that it was given, or the whole of it with every default and meaning."""
+    path = _store(request).folder(record.id) / "setup.toml"
+    if not whole:
+        return JobFile(path, media_type="application/toml")
+    kind = kind_of(cast(KindName, record.kind))
+    text = whole_text(parse_setup(path.read_bytes(), "setup.toml", kind.setup), kind.title)
+    return Response(text, media_type="application/toml")
 
 
 @router.get("/jobs/{id}/limits", responses=responses("not-found"))

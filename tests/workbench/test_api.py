@@ -144,6 +144,8 @@ def test_a_program_is_the_command_lines(
         assert client.result(job["id"], f"parts/{name}").content == data
     effective = parse_setup(client.result(job["id"], "setup").content, "a.toml", Setup)
     asked = parse_setup(setup.encode(), "a.toml", Setup)
+    whole = client.result(job["id"], "setup?whole=true").content
+    assert parse_setup(whole, "a.toml", Setup) == effective and whole.count(b"\n") > 50
     assert effective == (asked.with_values("output", controller=controller) if controller else asked)
 
 
