@@ -284,3 +284,28 @@ def test_an_interrupt_at_any_moment_leaves_nothing(tmp_path: Path, seconds: floa
     # Nothing, or the whole program: the signal may come when it is saved already.
     assert names(tmp_path) <= {"flat_panel_00.nc"} and (started.returncode or names(tmp_path))
     assert all(unedited((tmp_path / name).read_bytes()) for name in names(tmp_path))
+
+
+def test_the_language_is_the_locales_unless_an_option_says_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page and the table are in one language; the JSON report is the same bytes in both."""
+    outputs = ("-o", "a.nc", "--report", "a.json", "--html", "a.html")
+    monkeypatch.setenv("LC_ALL", "zh_CN.UTF-8")
+    chinese = run("export", FLAT, *outputs, cwd=tmp_path).stdout
+    assert "校验：合格" in chinese and 'lang="zh-CN"' in (tmp_path / "a.html").read_text("utf-8")
+    told = (tmp_path / "a.json").read_bytes()
+    assert json.loads(told)["subject"]["judged_at"] == "2026-01-01T00:00:00Z"
+    english = run("export", FLAT, *outputs, "--language", "en", cwd=tmp_path).stdout
+    assert "Verification: passed" in english and 'lang="en"' in (tmp_path / "a.html").read_text("utf-8")
+    assert (tmp_path / "a.json").read_bytes() == told
+
+
+@pytest.mark.parametrize("epoch", ["yesterday", "", "1e9", "9" * 30])
+def test_a_moment_that_is_none_is_refused_before_any_work(tmp_path: Path, epoch: str) -> None:
+    command = [sys.executable, "-c", "from tapelayer.dispatch import main; main()", "export", str(FLAT)]
+    environment = HERE | {"SOURCE_DATE_EPOCH": epoch}
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, check=False)
+    sentence = f"expected whole seconds since 1970, got {epoch!r}; set it to such a number, or unset it"
+    assert (done.returncode, done.stderr) == (2, f"SOURCE_DATE_EPOCH: {sentence}\n")
+    assert not names(tmp_path)
