@@ -16,6 +16,7 @@ from tapelayer.reporting.map_marks import (
     MarkPlaces,
     arrowhead,
     colour_bar,
+    foot,
     heading,
     plan_panel,
     scale_bar,
@@ -95,7 +96,7 @@ def plan_view(evidence: Evidence, say: Say = ENGLISH) -> list[Element]:
         width=plain(evidence.tape_width / MM),
     )
     label = say("Plan view of the courses", "各道次俯视图")
-    figure = svg(panel.left + panel.width + 150, panel.top + panel.height + 24, *nodes, label=label)
+    figure = svg(panel.left + panel.width + 150, foot(panel) + 24, *nodes, label=label)
     return [element("figure", figure), element("p", words, class_="note")]
 
 

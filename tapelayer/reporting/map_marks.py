@@ -14,6 +14,8 @@ from tapelayer.reporting.words import plain
 # Number of colours of a scale, and largest size of a plan's drawing in pixels.
 COLOURS = 10
 WIDTH, HEIGHT = 760.0, 560.0
+# Height in pixels of all marks beside a plan: heading and colours, those beyond the scale, and the scale bar.
+MARKS = 280.0
 
 
 def plan_panel(low: Floats, high: Floats) -> tuple[Panel, float]:
@@ -120,9 +122,14 @@ def colour_bar(
     return nodes
 
 
+def foot(panel: Panel) -> float:
+    """Return where a plan ends, in pixels: at its own foot, or below the marks beside it."""
+    return panel.top + max(float(panel.height), MARKS)
+
+
 def scale_bar(panel: Panel, scale: float) -> Element:
     """Return a bar of a round length, to the right of the plan at its foot."""
     length = ticks(0.0, 90.0 / scale, 3)[-1]
-    left, down = panel.left + panel.width + 24, panel.top + panel.height
+    left, down = panel.left + panel.width + 24, foot(panel)
     bar = element("path", d=f"M{px(left)} {px(down - 4)}v4h{px(length * scale)}v-4", class_="scale")
     return element("g", bar, element("text", f"{plain(length)} mm", x=px(left), y=px(down - 8), class_="tick"))

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from tapelayer.arrays import Floats, Ints
 from tapelayer.reporting.drawing import Panel, PlotCurve, element, extent, heading_of, polyline, px, range_of, svg
-from tapelayer.reporting.map_marks import COLOURS, arrowhead, colour_bar, heading, plan_panel, scale_bar
+from tapelayer.reporting.map_marks import COLOURS, arrowhead, colour_bar, foot, heading, plan_panel, scale_bar
 from tapelayer.reporting.words import ENGLISH, Say
 from tapelayer.spraying.coat import Coat
 from tapelayer.spraying.passes import Plan
@@ -62,7 +62,7 @@ def plan_view(plan: Plan, coat: Coat | None, say: Say = ENGLISH) -> list[Element
             span=SPAN,
         )
     label = say("Plan view of the passes", "喷涂道次俯视图")
-    figure = svg(panel.left + panel.width + 150, panel.top + panel.height + 24, *nodes, label=label)
+    figure = svg(panel.left + panel.width + 150, foot(panel) + 24, *nodes, label=label)
     return [element("figure", figure), element("p", note, class_="note")]
 
 

@@ -65,3 +65,13 @@ def test_plating_has_passes_and_no_coat() -> None:
     assert len(plan.passes) == sum(
         (node.get("d") or "").count("M") for node in without[0].iter() if node.get("class") == "line way"
     )
+
+
+def test_the_marks_beside_a_low_plan_do_not_lie_on_each_other() -> None:
+    elements = Elements(figures(sprayed_wave().page(Occasion("wave.nc")), "Plan view"))
+    rows = [(float(own["y"] or ""), words) for own, words in elements.of("text", "tick") if float(own["x"] or "") > 800]
+    heights = sorted(height for height, _ in rows)
+    assert {"above", "below", "no coat"} <= {words for _, words in rows}
+    assert min(np.diff(heights)) > 9
+    (box,) = (own["viewbox"] or "" for own, _ in elements.of("svg"))
+    assert float(box.split()[3]) > heights[-1]
