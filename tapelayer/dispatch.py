@@ -6,6 +6,7 @@ import codecs
 import io
 import locale
 import os
+import re
 import signal
 import sys
 from collections.abc import Sequence
@@ -23,6 +24,13 @@ INTERRUPTED = 130
 
 def main() -> None:
     """Run the command line; `serve` skips the imports of the other commands."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "0")
+    if not re.fullmatch(r"\d{1,12}", epoch):
+        # Libraries read it while they are imported, and end in a traceback.
+        _say(
+            f"SOURCE_DATE_EPOCH: expected whole seconds since 1970, got {epoch!r}; set it to such a number, or unset it"
+        )
+        sys.exit(2)
     # An interrupt within an import may end in any error, or in none.
     signal.signal(signal.SIGINT, _leave)
     command = import_module("tapelayer.workbench.command" if sys.argv[1:2] == ["serve"] else "tapelayer.cli")

@@ -15,7 +15,7 @@ import pytest
 from tapelayer.jobs.kinds import NAMES, kind_of
 from tapelayer.laying.settings import Setup
 from tapelayer.provenance import VERSION, unedited
-from tapelayer.setups.sections import default_text
+from tapelayer.setups.sections import whole_text
 from tests.helpers.paths import ROOT
 from urdf import TAPELAYER
 
@@ -186,7 +186,7 @@ def test_the_papers_form_is_reported_loudly(tmp_path: Path) -> None:
 
 
 def test_setup_prints_the_commented_default(tmp_path: Path) -> None:
-    assert run("setup", cwd=tmp_path).stdout == default_text(Setup, "Setup of a tape-laying job")
+    assert run("setup", cwd=tmp_path).stdout == whole_text(Setup(), "Setup of a tape-laying job")
 
 
 def test_machine_controllers_and_inspect_show_what_there_is(tmp_path: Path) -> None:
@@ -321,9 +321,9 @@ def test_several_course_files_become_a_program_each(tmp_path: Path) -> None:
     made = {"flat_panel_00", "cylinder_panel_15"}
     assert names(tmp_path / "out") == {f"{stem}.{ending}" for stem in made for ending in ("nc", "json")}
     assert names(tmp_path / "pages") == {f"{stem}.html" for stem in made}
-    run("export", FLAT, "-o", "alone.nc", "--report", "alone.json", "--quiet", cwd=tmp_path)
-    assert (tmp_path / "alone.nc").read_bytes() == (tmp_path / "out" / "flat_panel_00.nc").read_bytes()
-    assert (tmp_path / "alone.json").read_bytes() == (tmp_path / "out" / "flat_panel_00.json").read_bytes()
+    run("export", FLAT, "-o", "alone/", "--report", "alone/", "--quiet", cwd=tmp_path)
+    for name in ("flat_panel_00.nc", "flat_panel_00.json"):
+        assert (tmp_path / "alone" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
     run("export", FLAT, "-o", "pages", "--quiet", cwd=tmp_path)
     assert "flat_panel_00.nc" in names(tmp_path / "pages")
 
@@ -472,3 +472,28 @@ def test_a_file_name_that_is_no_text_is_shown_by_its_bytes(tmp_path: Path, local
             check=False,
         )
         assert words in done.stdout + done.stderr
+
+
+def test_the_language_is_the_locales_unless_an_option_says_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page and the table are in one language; the JSON report is the same bytes in both."""
+    outputs = ("-o", "a.nc", "--report", "a.json", "--html", "a.html")
+    monkeypatch.setenv("LC_ALL", "zh_CN.UTF-8")
+    chinese = run("export", FLAT, *outputs, cwd=tmp_path).stdout
+    assert "校验：合格" in chinese and 'lang="zh-CN"' in (tmp_path / "a.html").read_text("utf-8")
+    told = (tmp_path / "a.json").read_bytes()
+    assert json.loads(told)["subject"]["judged_at"] == "2026-01-01T00:00:00Z"
+    english = run("export", FLAT, *outputs, "--language", "en", cwd=tmp_path).stdout
+    assert "Verification: passed" in english and 'lang="en"' in (tmp_path / "a.html").read_text("utf-8")
+    assert (tmp_path / "a.json").read_bytes() == told
+
+
+@pytest.mark.parametrize("epoch", ["yesterday", "", "1e9", "9" * 30])
+def test_a_moment_that_is_none_is_refused_before_any_work(tmp_path: Path, epoch: str) -> None:
+    command = [sys.executable, "-c", "from tapelayer.dispatch import main; main()", "export", str(FLAT)]
+    environment = HERE | {"SOURCE_DATE_EPOCH": epoch}
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, check=False)
+    sentence = f"expected whole seconds since 1970, got {epoch!r}; set it to such a number, or unset it"
+    assert (done.returncode, done.stderr) == (2, f"SOURCE_DATE_EPOCH: {sentence}\n")
+    assert not names(tmp_path)

@@ -24,6 +24,7 @@ from tapelayer.cli.options import (
     Force,
     HtmlFile,
     KinematicsName,
+    LanguageName,
     LayController,
     OptionRefused,
     Pitch,
@@ -33,10 +34,11 @@ from tapelayer.cli.options import (
     SprayController,
     UnitName,
     Verbose,
+    language_named,
     typed_as,
     unit_of,
 )
-from tapelayer.cli.outputs import Outputs, bytes_of, check_outputs, make_folder, outputs_of, reports
+from tapelayer.cli.outputs import Outputs, bytes_of, check_outputs, make_folder, occasion_of, outputs_of
 from tapelayer.cli.progress_bar import ProgressBar
 from tapelayer.errors import (
     ControllerRefused,
@@ -54,6 +56,8 @@ from tapelayer.jobs.contents import Content, kind_of_source, source_of
 from tapelayer.jobs.job import JobResult, MachineJob
 from tapelayer.jobs.kind import Form, JobKind
 from tapelayer.jobs.kinds import KindName, kind_of, kinds
+from tapelayer.reporting.subject import Occasion
+from tapelayer.reporting.words import Language, Say
 from tapelayer.setups.sections import JobSetup, read_setup
 from tapelayer.units import Unit
 
@@ -87,11 +91,12 @@ def export(
     force: Force = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
+    language: LanguageName = None,
 ) -> None:
     """Plan, write, read back and verify NC programs; nothing that fails is written."""
     outputs = outputs_of(courses, target, report_file, html_file)
-    made = _Making("lay", unit_of(unit), quiet, verbose, as_json, force)
-    made.run(courses, outputs, setup, controller, {"kinematics": kinematics})
+    made = _Making("lay", unit_of(unit), setup, language_named(language), quiet, verbose, as_json, force)
+    made.run(courses, outputs, controller, {"kinematics": kinematics})
 
 
 @command(
@@ -118,13 +123,14 @@ def verify(
     ] = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
+    language: LanguageName = None,
 ) -> None:
     """Judge an NC program by its text against its courses, or against the model that it sprays."""
     options = {"kinematics": kinematics, "direction_deg": direction_deg, "pitch_mm": pitch_mm}
     check_order(program, source)
     name = kind_of_source(content_at(source))
     _refuse_others(kind_of(name), options)
-    units = unit_of(unit)
+    units, spoken = unit_of(unit), language_named(language)
     (outputs,) = outputs_of([program], None, report_file, html_file)
     with ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {source}")
@@ -135,13 +141,14 @@ def verify(
         check_outputs(values, [program, source, setup], written, force)
         with expecting(program, Content(Form.PROGRAM)), _naming(source):
             result = job.judge(text, program, force, steps)
-        write_files(reports(result, Path(program).name, outputs.report, outputs.html))
+        occasion = occasion_of(program, setup)
+        write_files(outputs.reports(result, occasion, spoken))
     for remark in result.remarks:
         sys.stderr.write(f"{remark}\n")
     if as_json:
-        _print_json(result.report_file())
+        _print_json(result.report_file(occasion))
     if not quiet:
-        _conclude(result, program, notices if as_json else output)
+        _conclude(result, program, notices if as_json else output, spoken)
     if result.failure:
         raise result.failure
 
@@ -172,11 +179,12 @@ def spray(
     force: Force = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
+    language: LanguageName = None,
 ) -> None:
     """Plan, write, read back and verify spraying programs; nothing that fails is written."""
     outputs = outputs_of(model, target, report_file, html_file, trajectory_file)
-    made = _Making("spray", unit_of(unit), quiet, verbose, as_json, force)
-    made.run(model, outputs, setup, controller, {"direction_deg": direction_deg, "pitch_mm": pitch_mm})
+    made = _Making("spray", unit_of(unit), setup, language_named(language), quiet, verbose, as_json, force)
+    made.run(model, outputs, controller, {"direction_deg": direction_deg, "pitch_mm": pitch_mm})
 
 
 @command(epilog="Example: [bold]tapelayer demo --into demo[/bold]")
@@ -200,6 +208,8 @@ class _Making:
     Attributes:
         name: name of the kind.
         unit: unit of the sources' numbers.
+        setup_file: the setup's file, None for the defaults.
+        language: of reports and tables.
         quiet: say nothing but errors.
         verbose: say how long each step takes.
         as_json: print reports on stdout.
@@ -208,6 +218,8 @@ class _Making:
 
     name: KindName
     unit: Unit
+    setup_file: str | None
+    language: Language
     quiet: bool
     verbose: bool
     as_json: bool
@@ -222,7 +234,6 @@ class _Making:
         self,
         sources: Sequence[str],
         outputs: Sequence[Outputs],
-        setup_file: str | None,
         controller: str | None,
         options: Mapping[str, str | None],
     ) -> None:
@@ -234,10 +245,10 @@ class _Making:
         """
         if self.as_json and outputs[0].to_stdout:
             raise OptionRefused.because("--json", "the program goes to stdout already, by -o -; leave one of them out")
-        setup = _setup(self.name, setup_file, controller, options)
+        setup = _setup(self.name, self.setup_file, controller, options)
         try:
             names = [name for each in outputs for name in each.names]
-            check_outputs(setup, [*sources, setup_file], names, self.force)
+            check_outputs(setup, [*sources, self.setup_file], names, self.force)
         except TargetNotWritable:
             # A program's own name is also the default name of what would be made of it.
             for source in sources:
@@ -250,25 +261,26 @@ class _Making:
 
     def _make_one(self, source: str, outputs: Outputs, setup: JobSetup) -> None:
         with ProgressBar(self.quiet, self.verbose) as steps:
-            result = self._made(source, outputs, setup, steps)
+            result, occasion = self._made(source, outputs, setup, steps)
         if self.as_json:
-            _print_json(result.report_file())
+            _print_json(result.report_file(occasion))
         if result.failure:
             raise result.failure
         if outputs.to_stdout:
             sys.stdout.buffer.write(result.text)
             sys.stdout.buffer.flush()
         if not self.quiet:
-            name = "the program" if outputs.to_stdout else outputs.program
-            _conclude(result, name, notices if outputs.to_stdout or self.as_json else output)
+            name = Say(self.language)("the program", "程序") if outputs.to_stdout else outputs.program
+            console = notices if outputs.to_stdout or self.as_json else output
+            _conclude(result, name, console, self.language)
 
     def _make_each(self, sources: Sequence[str], outputs: Sequence[Outputs], setup: JobSetup) -> None:
         worst, said = 0, {}
         for source, each in zip(sources, outputs, strict=True):
             try:
                 with ProgressBar(self.quiet, self.verbose) as steps:
-                    result = self._made(source, each, setup, steps)
-                said[source] = result.report()
+                    result, occasion = self._made(source, each, setup, steps)
+                said[source] = result.report(occasion)
                 if result.failure:
                     raise _named(source, result.failure)
             except SHARED:
@@ -286,20 +298,23 @@ class _Making:
     def _report_line(self, result: JobResult[Any], outputs: Outputs) -> None:
         """Say in a line that a program passed, and what there is to note about it."""
         if not self.quiet:
-            for note in result.notes():
+            for note in result.notes(self.language):
                 sys.stderr.write(f"{outputs.program}: {note}\n")
-            _print_passed(result, outputs.program, notices if self.as_json else output)
+            _print_passed(result, outputs.program, notices if self.as_json else output, self.language)
 
-    def _made(self, source: str, outputs: Outputs, setup: JobSetup, steps: ProgressBar) -> JobResult[Any]:
-        """Return the result of a source, saved if it passed."""
+    def _made(
+        self, source: str, outputs: Outputs, setup: JobSetup, steps: ProgressBar
+    ) -> tuple[JobResult[Any], Occasion]:
+        """Return the result of a source, saved if it passed, and the occasion of its judgement."""
         steps.begin(f"reading {source}")
         job = _read(self.kind, source, setup, self.unit)
         with _naming(source):
             result = job.make(outputs.program, steps)
+        occasion = occasion_of("" if outputs.to_stdout else outputs.program, self.setup_file)
         if not result.failure:
             steps.begin("saving")
-            outputs.save(result, Path(source).name if outputs.to_stdout else Path(outputs.program).name)
-        return result
+            outputs.save(result, occasion, self.language)
+        return result, occasion
 
 
 def _read(kind: JobKind, source: str, setup: JobSetup, unit: Unit) -> MachineJob[Any, Any]:
@@ -325,17 +340,20 @@ def _named(source: str, error: TapelayerError) -> SourceRefused:
     return named
 
 
-def _conclude(result: JobResult[Any], name: str, console: Console) -> None:
+def _conclude(result: JobResult[Any], name: str, console: Console, language: Language) -> None:
     """Print the summary and the notes of a result, and a last line if it passed."""
-    console.print(result.summary())
-    for note in result.notes():
+    console.print(result.summary(language))
+    for note in result.notes(language):
         sys.stderr.write(f"{note}\n")
     if result.evidence.passed:
-        _print_passed(result, name, console)
+        _print_passed(result, name, console, language)
 
 
-def _print_passed(result: JobResult[Any], name: str, console: Console) -> None:
-    console.print(f"{name}: {result.evidence.blocks} blocks, verified", highlight=False, soft_wrap=True, markup=False)
+def _print_passed(result: JobResult[Any], name: str, console: Console, language: Language) -> None:
+    words = Say(language)(
+        "{name}: {n} blocks, verified", "{name}：{n} 个程序段，校验合格", name=name, n=result.evidence.blocks
+    )
+    console.print(words, highlight=False, soft_wrap=True, markup=False)
 
 
 def _print_json(text: bytes) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated, cast, get_args
@@ -11,6 +12,7 @@ import typer
 from post import controllers
 from tapelayer.errors import InputFault, InputRefused, SetupRefused
 from tapelayer.jobs.kinds import NAMES, KindName
+from tapelayer.reporting.words import LANGUAGES, Language, language_of
 from tapelayer.units import Unit
 
 UNITS = get_args(Unit)
@@ -62,6 +64,15 @@ Direction = Annotated[
     typer.Option("--direction-deg", metavar="DEG", help=r"Travel of the passes, from +x towards +y. \[default: 0]"),
 ]
 Pitch = Annotated[str | None, typer.Option("--pitch-mm", metavar="MM|auto", help=r"From pass to pass. \[default: 25]")]
+LanguageName = Annotated[
+    str | None,
+    typer.Option(
+        "--language",
+        metavar="|".join(LANGUAGES),
+        help=r"Language of reports and tables. \[default: the locale's]",
+        autocompletion=lambda: list(LANGUAGES),
+    ),
+]
 Force = Annotated[
     bool, typer.Option("--force", help="Replace files that were edited, or that tapelayer did not write.")
 ]
@@ -107,6 +118,15 @@ def kind_name(text: str) -> KindName:
         OptionRefused: there is no such kind.
     """
     return cast(KindName, _one_of("--kind", text, NAMES))
+
+
+def language_named(text: str | None) -> Language:
+    """Return the language of reports and tables: the locale's where the option is left out.
+
+    Raises:
+        OptionRefused: there is no such language.
+    """
+    return language_of(os.environ) if text is None else cast(Language, _one_of("--language", text, LANGUAGES))
 
 
 def _one_of(option: str, text: str, known: tuple[str, ...]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,9 @@ from tapelayer.atomic_files import check_names, write_files
 from tapelayer.cli.options import OptionRefused
 from tapelayer.errors import ProgramRefused, TargetNotWritable
 from tapelayer.jobs.job import JobResult
-from tapelayer.provenance import unedited
+from tapelayer.provenance import moment, unedited
+from tapelayer.reporting.subject import Occasion
+from tapelayer.reporting.words import Language
 from tapelayer.setups.sections import JobSetup
 
 
@@ -42,7 +45,7 @@ class Outputs:
         program = None if self.to_stdout else self.program
         return [name for name in (program, self.trajectory, self.report, self.html) if name is not None]
 
-    def save(self, result: JobResult[Any], title: str) -> None:
+    def save(self, result: JobResult[Any], occasion: Occasion, language: Language) -> None:
         """Write the program, its trajectory file and its reports together.
 
         Raises:
@@ -53,18 +56,28 @@ class Outputs:
         contents = {} if self.to_stdout else {Path(self.program): result.text}
         if self.trajectory is not None:
             contents[Path(self.trajectory)] = result.files()["trajectory.txt"]
-        contents |= reports(result, title, self.report, self.html)
+        contents |= self.reports(result, occasion, language)
         write_files(contents)
 
+    def reports(self, result: JobResult[Any], occasion: Occasion, language: Language) -> dict[Path, bytes]:
+        """Return the contents of the reports that are wanted, by file."""
+        contents = {}
+        if self.report is not None:
+            contents[Path(self.report)] = result.report_file(occasion)
+        if self.html is not None:
+            contents[Path(self.html)] = result.page_file(occasion, language)
+        return contents
 
-def reports(result: JobResult[Any], title: str, report: str | None, html: str | None) -> dict[Path, bytes]:
-    """Return the contents of the reports that are wanted, by file."""
-    contents = {}
-    if report is not None:
-        contents[Path(report)] = result.report_file()
-    if html is not None:
-        contents[Path(html)] = result.page_file(title)
-    return contents
+
+def occasion_of(program: str, setup: str | None) -> Occasion:
+    """Return the occasion of a judgement now, or at the moment that SOURCE_DATE_EPOCH names.
+
+    Args:
+        program: the program's file; empty where it has none.
+        setup: the setup's file, None where there is none.
+    """
+    judged_at = moment(time.time(), os.environ.get("SOURCE_DATE_EPOCH"))
+    return Occasion(Path(program).name, Path(setup or "").name, judged_at)
 
 
 def outputs_of(

@@ -15,7 +15,7 @@ from rich.text import Text
 from post import controllers
 from tapelayer.cli.application import command, output
 from tapelayer.cli.misfits import content_at, expecting
-from tapelayer.cli.options import Courses, Kind, SetupFile, UnitName, kind_name, unit_of
+from tapelayer.cli.options import Courses, Kind, LanguageName, SetupFile, UnitName, kind_name, language_named, unit_of
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import read_courses
 from tapelayer.jobs.contents import Content, source_of
@@ -23,7 +23,8 @@ from tapelayer.jobs.job import machine_of
 from tapelayer.jobs.kind import Form
 from tapelayer.jobs.kinds import NAMES, kind_of
 from tapelayer.reporting.summary import explained
-from tapelayer.setups.sections import default_text, read_setup
+from tapelayer.reporting.words import Say
+from tapelayer.setups.sections import read_setup, whole_text
 from tapelayer.units import DEG, MM
 
 
@@ -52,16 +53,18 @@ def setup(
 ) -> None:
     """Print the default setup as a commented TOML file."""
     chosen = kind_of(kind_name(kind))
-    sys.stdout.write(default_text(chosen.setup, chosen.title))
+    sys.stdout.write(whole_text(chosen.setup.model_validate({}), chosen.title))
 
 
 @command(epilog="Example: [bold]tapelayer quantities --kind spray[/bold]")
 def quantities(
     kind: Kind = NAMES[0],
+    language: LanguageName = None,
 ) -> None:
     """Explain every number of a report: its unit, its limit in the setup and its meaning."""
     chosen = kind_of(kind_name(kind))
-    output.print(explained(chosen.rows, chosen.limits(chosen.setup.model_validate({}))))
+    limits = chosen.limits(chosen.setup.model_validate({}))
+    output.print(explained(chosen.rows, limits, Say(language_named(language))))
 
 
 @command(epilog="Example: [bold]tapelayer machine --setup job.toml[/bold]")

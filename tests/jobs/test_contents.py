@@ -10,7 +10,7 @@ import pytest
 from tapelayer.jobs.contents import HEAD_BYTES, Content, content_of, content_of_file, kind_of_source
 from tapelayer.jobs.kind import Form
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of
-from tapelayer.setups.sections import default_text
+from tapelayer.setups.sections import whole_text
 from tests.helpers.paths import ROOT
 
 COURSES = sorted((ROOT / "examples").glob("*.txt"))
@@ -39,7 +39,7 @@ def test_the_machines_that_come_along(path: Path) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_setup_is_of_its_kind_whichever_section_it_has(name: KindName) -> None:
     kind = kind_of(name)
-    text = default_text(kind.setup, kind.title)
+    text = whole_text(kind.setup.model_validate({}), kind.title)
     assert content_of(text.encode()) == Content(Form.SETUP, name)
     for section in text.split("\n\n")[1:]:
         content = content_of(section.encode())

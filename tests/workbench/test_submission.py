@@ -46,6 +46,7 @@ def test_a_worker_finds_its_folder_as_it_expects_it(tmp_path: Path) -> None:
     assert request == {
         "kind": "spray",
         "name": "铺层.txt",
+        "setup_name": "setup.toml",
         "unit": "in",
         "parts": ["gun.txt", "mine.toml"],
         "mould": "",
@@ -83,6 +84,7 @@ def test_what_is_judged(tmp_path: Path) -> None:
         "kind": "verify",
         "of": "lay",
         "name": "a.txt",
+        "setup_name": "",
         "unit": "mm",
         "parts": [],
         "program_name": "b.nc",
