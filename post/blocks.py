@@ -48,8 +48,8 @@ class Blocks:
         sets: (lines,) whether axis words set the present position.
         planes: (n,) plane of circular blocks: 0 XY, 1 ZX, 2 YZ.
         offsets: centre of each circular block from its beginning along x, y, z: (n,) each, NaN where not written.
-        tolerances: (n,) metres by which the block's end may be rounded off, 0 where the control stops there exactly; for
-            a switching word as in a trajectory.
+        tolerances: (n,) metres by which the control may round off the block's end, 0 where it stops there exactly; of a
+            switching word as in a trajectory.
         axes: indices of the words of each axis address.
         letters: one byte for each axis address, as in the words.
     """

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tapelayer.arrays import Floats, Ints, Mask
+from tapelayer.arrays import Floats, Ints
 from tapelayer.laying.cut_assignment import TOUCH
 from tapelayer.laying.driven_course import DrivenCourse
 from tapelayer.laying.linearisation import Poses

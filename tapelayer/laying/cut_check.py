@@ -13,7 +13,7 @@ from tapelayer.arrays import Floats, Mask
 from tapelayer.laying.evidence import CutMade, LayingStop, LedgerRow, TapeLedger
 from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.settings import Setup
-from tapelayer.motion.trajectory import Event, Kind, Trajectory
+from tapelayer.motion.trajectory import Event, Kind
 from tapelayer.units import DEG, MM
 from tapelayer.verification.failures import Failure
 
@@ -283,7 +283,9 @@ def _stops(case: Case, course: Laid) -> list[LayingStop]:
     feeding = rows[fed]
     if not len(feeding):
         return []
-    rests = np.bincount(np.cumsum(fed), trajectory.durations[rows], len(feeding) + 1)[1:] - trajectory.durations[feeding]
+    rests = (
+        np.bincount(np.cumsum(fed), trajectory.durations[rows], len(feeding) + 1)[1:] - trajectory.durations[feeding]
+    )
     stands = rests > 0.0
     if trajectory.clock is not None:
         stands |= trajectory.clock.stands[feeding]

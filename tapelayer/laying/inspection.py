@@ -260,7 +260,7 @@ class Inspector(Judge[Evidence]):
 
     @staticmethod
     def _lay_speeds(samples: Samples, doubt: float) -> Floats:
-        """Return the speed (n,) that words ask of the nip in each block, less `doubt` metres, m/s, at its end; else 0."""
+        """Return the speed (n,) in m/s that words ask of the nip in each block, less `doubt` metres, at its end."""
         ends = np.flatnonzero(samples.block_ends)
         distances, spans = np.diff(samples.arc_lengths[ends]), np.diff(samples.asked[ends])
         going = (np.diff(samples.courses[ends]) == 0) & (distances > 0.0)

@@ -74,7 +74,7 @@ def _lay_speeds(evidence: Evidence) -> tuple[Ints, Floats, Floats]:
 
 
 def _asked_speeds(evidence: Evidence) -> tuple[Ints, Floats, Floats]:
-    """Return blocks (m,) of the courses, by their last samples, with lengths in metres and the speeds asked for in m/s."""
+    """Return blocks (m,) of the courses, by their first samples, lengths in metres and the speeds asked for in m/s."""
     samples = evidence.samples
     ends = np.flatnonzero(samples.block_ends)
     lengths, times = np.diff(samples.arc_lengths[ends]), np.diff(samples.asked[ends])
@@ -207,7 +207,8 @@ ROWS: tuple[Row[Evidence], ...] = (
         "duration_s",
         Words("duration", "时长"),
         Words(
-            "time of the program on its control, by `time_law`; without accelerations every axis reaches its speed at once",
+            "time of the program on its control, by `time_law`; without accelerations every axis reaches its speed at "
+            "once",
             "程序在其数控系统上的用时，按 `time_law` 计算；未给加速度时各轴视为立即达到速度",
         ),
         "s",

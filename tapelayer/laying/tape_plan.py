@@ -317,9 +317,9 @@ def _work(assignment: Assignment) -> tuple[Cuts, Moves]:
         for cut, made in enumerate(assignment.made)
         if (made.left_side, made.left_reach, made.left_blade) != (made.start, made.reach, made.blade)
     ]
-    left = np.array(
-        [(made.left_u, made.left_side * made.left_reach, made.left_blade) for made in assignment.made]
-    )[moved]
+    left = np.array([(made.left_u, made.left_side * made.left_reach, made.left_blade) for made in assignment.made])[
+        moved
+    ]
     begin = cuts.u[moved, 0]
     waits = begin - left[:, 0] <= LEAST_FEED
     moves = Moves(

@@ -180,7 +180,7 @@ class Machine:
         for attribute, limits in (("speed", speeds), ("acceleration", accelerations), ("jerk", jerks)):
             for name, limit in limits.items():
                 column = self.column(name)
-                axes[column] = replace(axes[column], **{attribute: float(limit)})
+                axes[column] = Axis(**{**vars(axes[column]), attribute: float(limit)})
         for axis in axes:
             _check_axis(self.path, axis)
         return replace(self, axes=tuple(axes))

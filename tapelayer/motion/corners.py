@@ -114,7 +114,7 @@ class Chain(Frozen):
 
     @property
     def joined(self) -> Mask:
-        """Whether (m - 1,) each block and the next can go without a stop: both feeds or both rapids, no word between."""
+        """Whether (m - 1,) a block and the next can go without a stop: both feeds or both rapids, no word between."""
         joined: Mask = ~self.broken[:-1] & (self.rapid[1:] == self.rapid[:-1])
         return joined
 

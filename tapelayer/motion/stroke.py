@@ -21,7 +21,7 @@ SAME_TIME = 1e-7
 class Pass(IntEnum):
     """How the control passes a node.
 
-    STOP: exactly, with a full stop. ON: without a stop, its corner rounded off. WAIT: with a full stop that the switching
+    STOP: exactly, with a full stop. ON: without a stop, its corner rounded off. WAIT: with a full stop that switching
     words there bring about, in the midst of motion without stops; where no word stands, as STOP.
     """
 

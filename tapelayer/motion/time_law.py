@@ -24,6 +24,8 @@ Lengths = TypeVar("Lengths", float, Floats)
 AT_ONCE = 1e6
 # Moments this close together, in seconds, are one.
 SAME_MOMENT = 1e-12
+# A corner that turns within this time, in seconds, is straight.
+LEAST_BLEND = 1e-9
 # A path shorter than this, in metres or radians, is rounding.
 NO_MOTION = 1e-9
 
@@ -46,7 +48,9 @@ class Limits(Frozen):
     def of(axes: Iterable[Axis]) -> Limits:
         """Return the limits of axes, in their order."""
         chosen = list(axes)
-        return Limits(*(np.array([getattr(axis, name) for axis in chosen]) for name in ("speed", "acceleration", "jerk")))
+        return Limits(
+            *(np.array([getattr(axis, name) for axis in chosen]) for name in ("speed", "acceleration", "jerk"))
+        )
 
     @staticmethod
     def speeds(speed: Floats) -> Limits:
@@ -154,11 +158,15 @@ def rest_to_rest(lengths: Floats, speeds: Floats, accelerations: Floats, jerks: 
     jerks = np.broadcast_to(np.asarray(jerks, dtype=np.float64), lengths.shape)
     rounding = accelerations / jerks
     with np.errstate(divide="ignore", invalid="ignore"):
-        ramps = np.where(speeds >= accelerations * rounding, speeds / accelerations + rounding, 2 * np.sqrt(speeds / jerks))
+        ramps = np.where(
+            speeds >= accelerations * rounding, speeds / accelerations + rounding, 2 * np.sqrt(speeds / jerks)
+        )
         # The peak of a move too short for its speed: with a stretch of full acceleration, or without one.
         peaks = (-accelerations * rounding + np.sqrt((accelerations * rounding) ** 2 + 4 * accelerations * lengths)) / 2
         short = np.where(
-            peaks >= accelerations * rounding, 2 * (peaks / accelerations + rounding), 4 * np.cbrt(lengths / (2 * jerks))
+            peaks >= accelerations * rounding,
+            2 * (peaks / accelerations + rounding),
+            4 * np.cbrt(lengths / (2 * jerks)),
         )
         seconds = np.where(lengths >= speeds * ramps, lengths / speeds + ramps, short)
     return np.where(lengths > 0.0, seconds, 0.0)
@@ -202,12 +210,12 @@ def clock_of(trajectory: Trajectory, limits: Limits, rule: Rule) -> Clock:
     standing = np.where(moving, 0.0, asked + np.where(drains, rule.drain, 0.0))
     axes = np.minimum(limits.acceleration[columns], AT_ONCE)
     with np.errstate(divide="ignore"):
-        moved = np.abs(steps[np.ix_(rows, columns)])
+        moved = np.abs(steps[rows][:, columns])
         tops = lengths[rows] / np.max(moved / limits.speed[columns], axis=1)
         accelerations = np.minimum(lengths[rows] / np.max(moved / axes, axis=1), AT_ONCE)
         speeds = np.minimum(tops, lengths[rows] / asked[rows])
     chain = Chain(
-        directions=steps[np.ix_(rows, columns)] / lengths[rows, None],
+        directions=steps[rows][:, columns] / lengths[rows, None],
         xyz=tuple(columns.index(column) for column in (rule.paths or ((),))[0] if column in columns),
         lengths=lengths[rows],
         speeds=speeds,
@@ -386,7 +394,7 @@ def _clock(ramps: _Ramps, rows: Ints, reached: Floats, standing: Floats) -> Cloc
 def _blends(ramps: _Ramps, rows: Ints, count: int) -> Blends | None:
     """Return how the blocks, `count` in all, overlap or round off their corners; None where none do."""
     overlaps = np.where(ramps.overlaps > 0.0, ramps.overlaps, ramps.rounding)
-    joined = np.flatnonzero(overlaps[:-1] > 0.0)
+    joined = np.flatnonzero(overlaps[:-1] > LEAST_BLEND)
     if not len(joined):
         return None
     blocks = np.arange(count)

@@ -93,8 +93,8 @@ class Trajectory(Frozen):
         centres: (n, 3) centre of each circular block in joint coordinates x, y, z (metres), NaN elsewhere.
         planes: (n,) plane of each circular block: 0 XY, 1 ZX, 2 YZ.
         lines: (n,) line of the program (from 1) that the block was read from, 0 if it was not read.
-        tolerances: (n,) metres by which the control may round off the block's end; 0 where it stops there exactly. For a
-            switching word, 0 where the control finishes all motion first, `ON_THE_FLY` where motion may go on.
+        tolerances: (n,) metres by which the control may round off the block's end; 0 where it stops there exactly. For
+            a switching word, 0 where the control finishes all motion first, `ON_THE_FLY` where motion may go on.
         asked: (n,) seconds that the words ask for; None where the durations are these.
         clock: when the control is where; None before the time law was asked.
     """

@@ -341,7 +341,9 @@ ROWS: tuple[Row[Judged], ...] = (
     Quantity(
         "mean_spraying_speed_mm_per_s",
         Words("mean gun speed", "喷枪平均速度"),
-        Words("of the gun on its control with the arc on, ramps and stops included", "电弧开启时含加减速与停顿的平均速度"),
+        Words(
+            "of the gun on its control with the arc on, ramps and stops included", "电弧开启时含加减速与停顿的平均速度"
+        ),
         "mm/s",
         1,
         _mean_speed,
@@ -352,7 +354,8 @@ ROWS: tuple[Row[Judged], ...] = (
         "duration_s",
         Words("duration", "时长"),
         Words(
-            "time of the program on its control, by `time_law`; without accelerations every axis reaches its speed at once",
+            "time of the program on its control, by `time_law`; without accelerations every axis reaches its speed at "
+            "once",
             "程序在其数控系统上的用时，按 `time_law` 计算；未给加速度时各轴视为立即达到速度",
         ),
         "s",

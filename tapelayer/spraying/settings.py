@@ -77,9 +77,7 @@ class PassSettings(Section, title="Spray"):
         Positive, Field(description="points of a section are left out where the path stays as near to it")
     ] = 0.1
     max_point_spacing_mm: Annotated[Positive, Field(description="from point to point of a pass, at most")] = 10.0
-    tolerance_mm: Annotated[
-        Positive, Field(description="blocks end where P would leave the path by more")
-    ] = 0.5
+    tolerance_mm: Annotated[Positive, Field(description="blocks end where P would leave the path by more")] = 0.5
     tolerance_deg: Annotated[
         Positive, Field(description="blocks end where the gun would leave its planned direction by more", lt=15)
     ] = 2.0

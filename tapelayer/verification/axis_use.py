@@ -90,7 +90,11 @@ class AxisUse:
 
 
 def axes_used(
-    trajectory: Trajectory, axes: Sequence[Axis], digits: Floats, rounding: Floats
+    trajectory: Trajectory,
+    axes: Sequence[Axis],
+    digits: Floats,
+    rounding: Floats,
+    outputs: frozenset[int] = frozenset(),
 ) -> tuple[tuple[AxisUse, ...], list[Breach]]:
     """Return travel, speed and acceleration of every axis, and the worst block of each that exceeds its limits.
 
@@ -99,12 +103,14 @@ def axes_used(
         axes: its axes, in the order of its columns.
         digits: (k,) last written digit of each axis, metres and radians: positions are known to half of it.
         rounding: (k,) metres and radians by which an axis's true step in one block may be less than its words state.
+        outputs: columns that the control does not interpolate, whose acceleration it therefore does not set.
     """
     uses, breaches = [], []
     feeding = np.flatnonzero(np.isin(trajectory.kinds, (Kind.LINEAR, Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     begins, ends = trajectory.begins(feeding), trajectory.positions[feeding]
     spans = trajectory.requested[feeding]
     ramped, accelerations = _accelerations(trajectory)
+    accelerations[:, sorted(outputs)] = 0.0
     for column, axis in enumerate(axes):
         values = trajectory.positions[:, column]
         stated = values[~np.isnan(values)]
@@ -115,7 +121,16 @@ def axes_used(
         top = float(np.max(speeds, initial=0.0))
         steepest = float(np.max(accelerations[:, column], initial=0.0)) if trajectory.clock else math.nan
         use = AxisUse(
-            axis.name, axis.revolute, least, greatest, axis.lower, axis.upper, top, axis.speed, steepest, axis.acceleration
+            axis.name,
+            axis.revolute,
+            least,
+            greatest,
+            axis.lower,
+            axis.upper,
+            top,
+            axis.speed,
+            steepest,
+            axis.acceleration,
         )
         travel, speed, acceleration = use.failures
         inside = (stated >= axis.lower - digits[column] / 2) & (stated <= axis.upper + digits[column] / 2)

@@ -93,7 +93,7 @@ class Judge(ABC, Generic[FindingsT]):
             later: those to list after a disagreement with Pinocchio.
             ends: (n,) the blocks at whose ends poses are compared with Pinocchio.
         """
-        axes, beyond = axes_used(trajectory, self.axes, digits, self.ROUNDED * digits)
+        axes, beyond = axes_used(trajectory, self.axes, digits, self.ROUNDED * digits, self.rule.outputs)
         stated = ~np.any(np.isnan(trajectory.positions), axis=1)
         joints = self._configurations(trajectory.positions[stated & ends])
         disagreement = forward_disagreement(self.machine, joints, self.FRAMES)

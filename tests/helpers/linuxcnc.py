@@ -57,8 +57,8 @@ def has_linuxcnc() -> bool:
 def run(folder: Path, text: bytes, machine: Machine, joints: tuple[str, ...], longest_s: float = 60.0) -> Run:
     """Run a program from switching on to its end or first error.
 
-    LinuxCNC runs in namespaces of its own, where the system allows it: its start script ends every other LinuxCNC on the
-    computer by name.
+    LinuxCNC runs in namespaces of its own, where the system allows it: its start script ends every other LinuxCNC on
+    the computer by name.
 
     Args:
         folder: of its own, which any user may write to.
@@ -106,13 +106,16 @@ def run(folder: Path, text: bytes, machine: Machine, joints: tuple[str, ...], lo
 def _apart() -> list[str]:
     """Return a command that runs another in namespaces of its own; none where the system does not allow it."""
     wrapped = ["unshare", "--ipc", "--net", "--pid", "--fork", "--mount-proc", "--kill-child"]
-    able = shutil.which("unshare") and subprocess.run([*wrapped, "true"], capture_output=True, check=False).returncode == 0
+    able = (
+        shutil.which("unshare") and subprocess.run([*wrapped, "true"], capture_output=True, check=False).returncode == 0
+    )
     return wrapped if able else []
 
 
 def _hal() -> str:
     pins = [
-        f"net joint{i} joint.{i}.motor-pos-cmd => joint.{i}.motor-pos-fb sampler.0.pin.{i}\n" for i in range(len(LETTERS))
+        f"net joint{i} joint.{i}.motor-pos-cmd => joint.{i}.motor-pos-fb sampler.0.pin.{i}\n"
+        for i in range(len(LETTERS))
     ]
     return (
         "loadrt [KINS]KINEMATICS\n"

@@ -207,7 +207,9 @@ def test_what_the_interpreter_refuses_we_refuse(folder: Path, block: str, words:
     with pytest.raises(RuntimeError, match=f"(?i){words}"):
         interpreted(folder, f"G21\n{state}{block}\nM2\n".encode())
     with pytest.raises(ProgramRefused, match=f"(?i){words}"):
-        read(f"G21\n{state}{block}\nM2\n".encode(), load("linuxcnc"), joints, Limits.speeds(np.ones(len(joints))), "p.nc")
+        read(
+            f"G21\n{state}{block}\nM2\n".encode(), load("linuxcnc"), joints, Limits.speeds(np.ones(len(joints))), "p.nc"
+        )
 
 
 def test_the_papers_letters_need_their_remap(folder: Path) -> None:
