@@ -93,6 +93,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         """
         controller = load(setup.output.controller)
         machine = machine_of(setup, SPRAYER)
+        machine.check_travel(AXES)
         profile = b""
         if setup.footprint.profile is not None:
             footprint_of(setup)
