@@ -82,6 +82,7 @@ class Job(MachineJob[None, Evidence]):
         controller = load(setup.output.controller)
         machine = machine_of(setup, TAPELAYER)
         machine.check_travel(machine.names)
+        controller.check_units({axis.name: axis.revolute for axis in machine.axes})
         provenance = Provenance(
             source=Path(name).name,
             source_sha256=hashlib.sha256(data).hexdigest(),

@@ -94,6 +94,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         controller = load(setup.output.controller)
         machine = machine_of(setup, SPRAYER)
         machine.check_travel(AXES)
+        controller.check_units({axis.name: axis.revolute for axis in machine.axes})
         profile = b""
         if setup.footprint.profile is not None:
             footprint_of(setup)
