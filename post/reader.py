@@ -1,7 +1,8 @@
 """Reader: NC text to a trajectory; written independently, it shares no formatting or rounding with the writer.
 
-It has four steps, each over all lines at once: `source` takes the comments out, `scan` reads letters and numbers,
-`blocks` carries the control's modes forward and interprets every line, and `motions` computes positions and distances.
+It has five steps, each over all lines at once: `source` takes the comments out, `scan` reads letters and numbers,
+`blocks` carries the control's modes forward and interprets every line, `capacity` judges what the control can take, and
+`motions` computes positions and distances.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from post.blocks import Blocks, blocks_of
+from post.capacity import check_capacity, check_exponents
 from post.controllers import Controller
 from post.controllers.table import AxisWord
 from post.motions import AxisPath, axis_path, circles_of, feeds_of, from_mm, lengths_of, where_moved
@@ -68,15 +70,17 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
         name: name of the file, for messages.
 
     Raises:
-        ProgramRefused: a word is unknown, malformed or contradicts another, an axis moves or an output turns one
-            before rapids have stated it, a feed is missing, or the program does not end; each with line and column,
-            all at once: faults of the words or, without any, those of the motions.
+        ProgramRefused: a word is unknown, malformed, beyond what the control takes or contradicts another, an axis
+            moves or an output turns one before rapids have stated it, a feed is missing, or the program does not end;
+            each with line and column, all at once: faults of the words or, without any, those of the motions.
         ControllerRefused: the control has no address for one of the machine's axes.
     """
     axes = controller.addressed(machine_axes)
     source = Source(text, controller, name)
+    check_exponents(source)
     words = words_of(source, controller)
     blocks = blocks_of(source, words, controller)
+    check_capacity(blocks, controller)
     paths = {axis.address: axis_path(blocks, axis) for axis, _ in axes}
     plain = {axis.address: paths[axis.address] for axis, _ in axes if not axis.word}
     moved = where_moved(len(blocks.rows), plain.values())
