@@ -147,15 +147,10 @@ def head(controller: Controller, provenance: Provenance) -> bytes:
         *([f"not judged: {', '.join(provenance.not_judged)}"] if provenance.not_judged else []),
     ]
     first = f"{controller.blocks.first_line}\n" if controller.blocks.first_line else ""
-    return first.encode("ascii") + b"".join(_comment(line, controller) for line in lines)
+    return first.encode("ascii") + b"".join(comment(line, controller) for line in lines)
 
 
-def course_comment(courses: np.ndarray, block: int, controller: Controller) -> bytes:
-    """Return the comment before a block that begins a course; `courses` (n,) holds each block's course."""
-    return _comment(f"course {courses[block] + 1} of {courses.max() + 1}", controller)
-
-
-def _comment(text: str, controller: Controller) -> bytes:
+def comment(text: str, controller: Controller) -> bytes:
     """Return a comment line, with underscores for characters that could end it or are not printable ASCII."""
     safe = _NOT_IN_COMMENTS.sub("_", text)
     before, after = comment_marks(controller)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -101,6 +102,10 @@ class Job(MachineJob[None, Evidence]):
     def parts(self) -> int:
         """Return the number of courses."""
         return len(self.courses)
+
+    def numbers(self, trajectory: Trajectory) -> Sequence[int]:
+        """Return the numbers of the courses in their file."""
+        return [course.number for course in self.courses]
 
     def planned(self, steps: Steps) -> tuple[None, Trajectory]:
         """Return the planned trajectory, with no basis: it is judged against the courses themselves.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -150,6 +151,10 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             NothingToSpray: no part of the surface can be reached.
         """
         return plan_passes(self.mesh, self.setup, self.machine, self.pitch)
+
+    def numbers(self, trajectory: Trajectory) -> Sequence[int]:
+        """Return the numbers of the passes, which count from 1."""
+        return range(1, int(trajectory.courses.max(initial=-1)) + 2)
 
     def planned(self, steps: Steps) -> tuple[Spraying, Trajectory]:
         """Return the passes as they are sprayed, and their trajectory.
