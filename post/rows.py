@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from anyascii import anyascii
 
 from post import arcs
 from post.columns import Column
@@ -151,8 +152,8 @@ def head(controller: Controller, provenance: Provenance) -> bytes:
 
 
 def comment(text: str, controller: Controller) -> bytes:
-    """Return a comment line, with underscores for characters that could end it or are not printable ASCII."""
-    safe = _NOT_IN_COMMENTS.sub("_", text)
+    """Return a comment line in ASCII letters that come nearest, with underscores for what could end it."""
+    safe = _NOT_IN_COMMENTS.sub("_", "".join(anyascii(letter) or "_" for letter in text))
     before, after = comment_marks(controller)
     return f"{before}{safe[: controller.blocks.max_line - 2]}{after}\n".encode("ascii")
 
