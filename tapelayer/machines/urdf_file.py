@@ -17,6 +17,8 @@ from xml.parsers import expat
 from tapelayer.errors import InputFault, InputRefused, ModelRefused
 
 _MOVING = ("revolute", "continuous", "prismatic")
+# The XML reader knows four encodings; Python knows those of other countries, too.
+_DECLARED = re.compile(rb"""^(?:\xef\xbb\xbf)?<\?xml[^>]*?\bencoding\s*=\s*["']([A-Za-z][A-Za-z0-9._-]*)["']""")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _XACRO = "http://www.ros.org/wiki/xacro"
 _UNEXPANDED = re.compile(r"\$[{(]")
@@ -79,7 +81,7 @@ def read_urdf(path: Path) -> tuple[tuple[Joint, ...], str]:
         ModelRefused: the file cannot be read, is no URDF, or has faults; all faults at once, with their lines.
     """
     try:
-        root, lines = _parsed(path.read_bytes())
+        root, lines = _parsed(xml_text(path.read_bytes()))
     except OSError as error:
         raise ModelRefused(f"{path}: cannot be read as a URDF: {error.strerror}") from error
     except (expat.ExpatError, ValueError, LookupError) as error:
@@ -97,7 +99,31 @@ def read_urdf(path: Path) -> tuple[tuple[Joint, ...], str]:
     return joints, _chain(root)
 
 
-def _parsed(data: bytes) -> tuple[ElementTree.Element, dict[ElementTree.Element, int]]:
+def xml_text(data: bytes) -> bytes | str:
+    r"""Return XML as text by the encoding that it declares; as it is where it declares none.
+
+    Raises:
+        ValueError: the bytes are not in that encoding.
+        LookupError: there is no such encoding.
+
+    Examples:
+        >>> xml_text('<?xml version="1.0" encoding="GB2312"?><robot name="铺带机"/>'.encode("gb2312"))[-7:]
+        '"铺带机"/>'
+    """
+    declared = _DECLARED.match(data)
+    if declared is None:
+        return data
+    encoding = declared[1].decode("ascii")
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        sentence = (
+            f"byte {error.start + 1} is not {encoding}, the encoding that its first line declares; save it as UTF-8"
+        )
+        raise ValueError(sentence) from None
+
+
+def _parsed(data: bytes | str) -> tuple[ElementTree.Element, dict[ElementTree.Element, int]]:
     """Return the root element, and the line of each element."""
     builder, lines = ElementTree.TreeBuilder(), {}
     parser = expat.ParserCreate(namespace_separator="}")

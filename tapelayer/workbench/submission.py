@@ -16,6 +16,7 @@ from defusedxml import DefusedXmlException
 from post import controllers
 from tapelayer.geometry.mesh import Unit
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds
+from tapelayer.machines.urdf_file import xml_text
 from tapelayer.setups.forms import text_of
 from tapelayer.setups.sections import parse_setup
 from tapelayer.workbench.problems import Problem
@@ -147,7 +148,7 @@ def _check_urdf(path: Path, name: str, parts: Mapping[str, Path]) -> None:
     if size > LARGEST_URDF:
         raise Problem("upload-too-large", f"{name}: has {size} bytes, a URDF may have {LARGEST_URDF}")
     try:
-        root = defusedxml.ElementTree.fromstring(path.read_bytes(), forbid_dtd=True)
+        root = defusedxml.ElementTree.fromstring(xml_text(path.read_bytes()), forbid_dtd=True)
     except DefusedXmlException:
         sentence = f"{name}: declares a document type, entities or what lies elsewhere; send plain XML"
         raise Problem("xml-refused", sentence) from None

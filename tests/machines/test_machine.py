@@ -440,6 +440,19 @@ def test_a_urdf_in_any_declared_encoding(tmp_path: Path, encoding: str) -> None:
     assert (machine.names, machine.model.name) == (("größe",), "Anlage für Bänder")
 
 
+def test_a_urdf_in_an_encoding_of_another_country_and_one_that_is_not_what_it_says(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    text = '<?xml version="1.0" encoding="GB2312"?>' + linked(DRIVEN).replace('robot name="r"', 'robot name="铺带机"')
+    path.write_bytes(text.encode("gb2312"))
+    assert Machine.load(path).model.name == "铺带机"
+    path.write_bytes(text.replace("GB2312", "UTF-8").encode("gb2312"))
+    with pytest.raises(ModelRefused, match=r"not a URDF: byte 52 is not UTF-8, the encoding that its first line decl"):
+        Machine.load(path)
+    path.write_bytes(text.replace("GB2312", "klingon").encode("gb2312"))
+    with pytest.raises(ModelRefused, match="not a URDF: unknown encoding: klingon"):
+        Machine.load(path)
+
+
 def test_axes_that_turn_without_end_are_named_where_they_need_travel() -> None:
     machine = Machine.load(ROBOTS / "kinova_description/robots/kinova.urdf")
     endless = [axis.name for axis in machine.axes if not np.isfinite(axis.upper)][:2]
