@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -96,6 +97,8 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         """
         controller = load(setup.output.controller)
         machine = machine_of(setup, SPRAYER)
+        machine.check_travel(AXES)
+        controller.check_units({axis.name: axis.revolute for axis in machine.axes})
         profile = b""
         more: tuple[NamedFile, ...] = ()
         if setup.footprint.profile is not None:
@@ -156,6 +159,10 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             NothingToSpray: no part of the surface can be reached.
         """
         return plan_passes(self.mesh, self.setup, self.machine, self.pitch)
+
+    def numbers(self, trajectory: Trajectory) -> Sequence[int]:
+        """Return the numbers of the passes, which count from 1."""
+        return range(1, int(trajectory.courses.max(initial=-1)) + 2)
 
     def planned(self, steps: Steps) -> tuple[Spraying, Trajectory]:
         """Return the passes as they are sprayed, and their trajectory.
