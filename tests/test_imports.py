@@ -20,6 +20,7 @@ FILES = sorted(path for package in OURS for path in (ROOT / package).rglob("*.py
 FLOORS = (
     ("urdf",),
     ("tapelayer.errors", "tapelayer.units", "tapelayer.arrays", "tapelayer.progress", "tapelayer.language"),
+    ("tapelayer.sentences",),
     (
         "tapelayer.vectors",
         "tapelayer.provenance",
