@@ -29,6 +29,7 @@ from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
 from tapelayer.provenance import unedited
 from tapelayer.reporting.summary import explained
+from tapelayer.sentences import said
 from tapelayer.setups.sections import default_text, read_setup
 from tapelayer.units import DEG, MM
 from tapelayer.workbench import command
@@ -139,7 +140,7 @@ def verify(
         result = job.judge(text, program, force, steps)
         _save(result, {}, Path(program).name, report_file, html_file)
     for remark in result.remarks:
-        sys.stderr.write(f"{remark}\n")
+        sys.stderr.write(f"{said(remark)}\n")
     if not quiet:
         _conclude(result, program, output)
     if result.failure:
@@ -192,14 +193,16 @@ def inspect(courses: Courses) -> None:
     """Show what a course file holds."""
     table = Table(title=Path(courses).name)
     for heading in ("course", "points", "length mm", "cuts deg", "slope deg", "off surface deg"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(said(heading), justify="right", no_wrap=True)
     parsed = read_courses(courses)
     for course in parsed:
         table.add_row(*_inspected(course))
     output.print(table)
     output.print(
-        f"{len(parsed)} courses, {sum(len(course.points) for course in parsed)} points, "
-        f"{sum(course.length for course in parsed):.3f} m of tape laid, in {_box(parsed)} mm",
+        said(
+            f"{len(parsed)} courses, {sum(len(course.points) for course in parsed)} points, "
+            f"{sum(course.length for course in parsed):.3f} m of tape laid, in {_box(parsed)} mm"
+        ),
         highlight=False,
         soft_wrap=True,
     )
@@ -229,15 +232,17 @@ def machine(setup: SetupFile = None) -> None:
     model = machine_of(read_setup(setup, Setup) if setup else Setup(), TAPELAYER)
     table = Table(title=str(model.model.name))
     for heading in ("axis", "from", "to", "unit", "speed /s"):
-        table.add_column(heading, justify="right")
+        table.add_column(said(heading), justify="right")
     for axis in model.axes:
         scale, unit = (1 / DEG, "deg") if axis.revolute else (1 / MM, "mm")
         table.add_row(axis.name, f"{axis.lower * scale:g}", f"{axis.upper * scale:g}", unit, f"{axis.speed * scale:g}")
     output.print(table)
     lengths = gantry.lengths(model)
     output.print(
-        f"l4 = {lengths.l4 / MM:g}, l5 = {lengths.l5 / MM:g}, l6 = {lengths.l6 / MM:g}, "
-        f"roller radius = {lengths.radius / MM:g} mm",
+        said(
+            f"l4 = {lengths.l4 / MM:g}, l5 = {lengths.l5 / MM:g}, l6 = {lengths.l6 / MM:g}, "
+            f"roller radius = {lengths.radius / MM:g} mm"
+        ),
         highlight=False,
         soft_wrap=True,
     )
@@ -267,7 +272,7 @@ def demo(
     example = files("tapelayer.examples").joinpath("cylinder_panel_15.txt")
     stem = folder / "cylinder_panel_15"
     export(str(example), None, None, None, f"{stem}.nc", f"{stem}.json", f"{stem}.html", force)
-    output.print(f"open {stem}.html to look at it", highlight=False, soft_wrap=True)
+    output.print(said(f"open {stem}.html to look at it"), highlight=False, soft_wrap=True)
 
 
 app.command(epilog=command.EPILOG)(command.serve)
@@ -365,9 +370,10 @@ def _conclude(result: JobResult[Any], name: str, console: Console) -> None:
     """Print the summary and the notes of a result, and a last line if it passed."""
     console.print(result.summary())
     for note in result.notes():
-        sys.stderr.write(f"{note}\n")
+        sys.stderr.write(f"{said(note)}\n")
     if result.evidence.passed:
-        console.print(f"{name}: {result.evidence.blocks} blocks, verified", highlight=False, soft_wrap=True)
+        last = said(f"{name}: {result.evidence.blocks} blocks, verified")
+        console.print(last, highlight=False, soft_wrap=True)
 
 
 def _job(

@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from tapelayer.errors import TapelayerError
+from tapelayer.sentences import said
 
 if TYPE_CHECKING:
     import typer
@@ -64,9 +65,9 @@ def run(app: typer.Typer, arguments: Sequence[str], name: str) -> None:
 
 
 def _say(sentence: str) -> None:
-    """Write a sentence to stderr, if anyone can read it there."""
+    """Write a sentence to stderr in the user's language, if anyone can read it there."""
     with suppress(OSError):
-        sys.stderr.write(f"{sentence}\n")
+        sys.stderr.write(f"{said(sentence)}\n")
 
 
 def _discard_stdout() -> None:

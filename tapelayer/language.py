@@ -6,6 +6,8 @@ import os
 from typing import Literal
 
 Language = Literal["en", "zh"]
+# The languages into which the English sentences are translated.
+OTHERS: tuple[Language, ...] = ("zh",)
 
 
 def asked() -> Language:

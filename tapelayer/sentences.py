@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,9 +11,11 @@ from functools import cache
 from pathlib import Path
 from typing import Self
 
-from tapelayer.language import Language
+from tapelayer.language import Language, asked
 
 CATALOGUES = Path(__file__).parent / "languages"
+# Letters that an encoding has if it has those of the language.
+LETTERS: dict[Language, str] = {"en": "a", "zh": "道次"}
 
 # Place of a value: {1}; in a translation {1*} where the value is translated too, and {1|、} where it is a list, whose
 # items are translated and joined by this.
@@ -68,6 +71,12 @@ def translated(text: str, language: Language) -> str:
     return text if language == "en" else "\n".join(_line(line, language) for line in text.split("\n"))
 
 
+def said(text: str) -> str:
+    """Return the text in the language that the user of the terminal asks for, in English where it cannot be shown."""
+    language = asked()
+    return translated(text, language) if _can_be_shown(LETTERS[language]) else text
+
+
 def catalogue(language: Language) -> dict[str, str]:
     """Return the translations by their English sentences, from all files of a language.
 
@@ -81,6 +90,16 @@ def catalogue(language: Language) -> dict[str, str]:
             raise ValueError(f"{path.name} has entries of another file: {sorted(twice)}")
         entries |= table
     return entries
+
+
+def _can_be_shown(letters: str) -> bool:
+    """Return whether the encodings of the terminal have these letters."""
+    try:
+        for stream in (sys.stdout, sys.stderr):
+            letters.encode(stream.encoding or "utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 @cache

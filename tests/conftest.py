@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,8 @@ collect_ignore = ["post/linuxcnc"]
 # A slow machine is no fault of the code: no example has to be done in a given time.
 settings.register_profile("project", deadline=None)
 settings.load_profile("project")
+# What a command says depends on the locale.
+os.environ["LC_ALL"] = "C.UTF-8"
 
 
 @pytest.fixture(scope="session")

@@ -6,6 +6,8 @@ import ast
 import errno
 import os
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -13,13 +15,13 @@ import pytest
 from pydantic_core import _pydantic_core
 
 from tapelayer.errors import AxisBeyondTravel, CourseFileRefused, InputFault, InputRefused
-from tapelayer.language import Language
+from tapelayer.language import OTHERS, Language
 from tapelayer.sentences import PLACE, catalogue, translated
 from tapelayer.verification.failures import Failure
 from tests.helpers.paths import ROOT
 from tests.helpers.said import modules, sayings, templates, texts
 
-LANGUAGES: tuple[Language, ...] = ("zh",)
+LANGUAGES = OTHERS
 # Sentences that the source puts together from single words, and those of other programs.
 COMPOSED = {"course {1} point {2}", "pass {1}", "pass {1} point {2}", "point {1}"}
 ALIEN = ("libraries", "failures")
@@ -153,3 +155,24 @@ def test_failures_in_words() -> None:
     assert translated(Failure(2, 3, "axis_c_deg", 31.5, 30, of="pass").sentence(), "zh") == (
         "喷涂道次 2 点 3: c 轴位置（deg）为 31.5，限值 30"
     )
+
+
+def _ends(folder: Path, *arguments: str, **environment: str) -> tuple[int, str]:
+    """Exit code and standard error of a command in a folder."""
+    command = [sys.executable, "-c", "from tapelayer.dispatch import main; main()", *arguments]
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith("LC_")}
+    around = inherited | {"PYTHONPATH": str(ROOT), "NO_COLOR": "1"} | environment
+    done = subprocess.run(command, cwd=folder, capture_output=True, env=around, timeout=120, check=False)
+    return done.returncode, done.stderr.decode("utf-8")
+
+
+def test_the_terminal_says_it_in_the_language_of_its_locale(tmp_path: Path) -> None:
+    (tmp_path / "panel.txt").write_bytes(b"")
+    wrong = ("export", "panel.txt")
+    assert _ends(tmp_path, *wrong, LANG="zh_CN.UTF-8", PYTHONUTF8="1") == (
+        2,
+        "panel.txt: 文件为空；请重新导出道次\n",
+    )
+    english = "panel.txt: the file is empty; export the courses again\n"
+    assert _ends(tmp_path, *wrong, LANG="C.UTF-8") == (2, english)
+    assert _ends(tmp_path, *wrong, LANG="zh_CN.UTF-8", PYTHONIOENCODING="ascii") == (2, english)
