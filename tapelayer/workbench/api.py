@@ -381,7 +381,11 @@ def _result(record: Record, request: Request, name: str) -> Path:
     raise Problem("not-made", f"this job has none: it is of kind {record.kind}")
 
 
+# Members of a problem that it makes itself.
+REBUILT = ("type", "title", "status", "detail", "translations", "code")
+
+
 def _problem(body: Mapping[str, Any]) -> Problem:
     """Return a problem that a worker reported."""
-    evidence = {key: value for key, value in body.items() if key not in ("type", "title", "status", "detail", "code")}
+    evidence = {key: value for key, value in body.items() if key not in REBUILT}
     return Problem(body["code"], body["detail"], **evidence)
