@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import errno
+import json
 import os
 import re
 import subprocess
@@ -15,7 +16,10 @@ import pytest
 from pydantic_core import _pydantic_core
 
 from tapelayer.errors import AxisBeyondTravel, CourseFileRefused, InputFault, InputRefused
+from tapelayer.jobs.kinds import kinds
 from tapelayer.language import OTHERS, Language
+from tapelayer.reporting.quantity import Group, Quantity
+from tapelayer.reporting.words import worded
 from tapelayer.sentences import PLACE, catalogue, translated
 from tapelayer.verification.failures import Failure
 from tests.helpers.paths import ROOT
@@ -176,3 +180,46 @@ def test_the_terminal_says_it_in_the_language_of_its_locale(tmp_path: Path) -> N
     english = "panel.txt: the file is empty; export the courses again\n"
     assert _ends(tmp_path, *wrong, LANG="C.UTF-8") == (2, english)
     assert _ends(tmp_path, *wrong, LANG="zh_CN.UTF-8", PYTHONIOENCODING="ascii") == (2, english)
+
+
+# Names of failures with the unit at their end, as the judges give them.
+NAME = re.compile(r"(?:[a-z]+|\{\d\})(?:_(?:[a-z0-9]+|\{\d\}))+")
+JUDGING = re.compile(
+    r"tapelayer/(?:verification|laying|spraying)/(?:axis_use|stated_axes|switching|inspection|\w+_check)\.py"
+)
+# What the judges name beside failures, and composed names whose parts are all known.
+NO_FAILURE = {"max_speed", "speed_limit", "knife_1", "knife_2", "auxiliary_roller", "heater_on", "heater_off"}
+NO_FAILURE |= {"max_heading_error_deg", "max_roller_tilt_deg"}
+PARTS = {
+    "{1}_words": ("heater_on_words", "heater_off_words"),
+    "{1}_astray_ms": ("heater_on_astray_ms", "heater_off_astray_ms"),
+    "auxiliary_roller_{1}_words": ("auxiliary_roller_down_words", "auxiliary_roller_up_words"),
+    "auxiliary_roller_{1}_mm": ("auxiliary_roller_down_mm", "auxiliary_roller_up_mm"),
+    "axis_{1}_{2}": ("axis_{1}_mm", "axis_{1}_deg"),
+    "axis_{1}_speed_{2}_per_s": ("axis_{1}_speed_mm_per_s", "axis_{1}_speed_deg_per_s"),
+    "{1}_with_{2}_on": ("rapid_with_{1}_on", "stop_with_{1}_on", "pause_with_{1}_on"),
+}
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_failure_has_its_name(language: Language) -> None:
+    judging = [module for module in modules() if JUDGING.fullmatch(module)]
+    names = {text for module in judging for text in texts(ROOT / module) if NAME.fullmatch(text)} - NO_FAILURE
+    assert len(names) > 30
+    assert {whole for name in names for whole in PARTS.get(name, (name,))} <= catalogue(language).keys()
+
+
+def test_a_failure_has_one_name_in_the_report_on_the_page_and_in_the_terminal() -> None:
+    entries = catalogue("zh")
+    rows = [row for kind in kinds() for row in kind.rows if isinstance(row, Quantity) and row.group is Group.ERROR]
+    names: dict[str, set[str]] = {}
+    for row in rows:
+        names.setdefault(row.failure, set()).add(f"{row.words.zh}（{row.unit}）" if row.unit else row.words.zh)
+    for failure, known in names.items():
+        assert entries[failure] in known
+    locale = json.loads((ROOT / "tapelayer/workbench/client/src/locales/zh.json").read_text("utf-8"))
+    told = tomllib.loads((ROOT / "tapelayer/languages/zh/failures.toml").read_text("utf-8"))
+    simple = {worded(key)[0].replace(" ", "_"): text for key, text in told.items() if not PLACE.search(key)}
+    for stem, text in simple.items():
+        if name := locale.get(f"failure.{stem}"):
+            assert text.partition("（")[0] == name

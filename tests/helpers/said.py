@@ -18,7 +18,7 @@ SILENT = {
 }
 # Calls whose texts are no messages: descriptions, patterns, markup, SQL, the server's log, texts in both languages.
 NO_MESSAGE = re.compile(
-    r"re\.\w+|Field|Words|Stage|ProblemKind|Source|element|sealed|log\.\w+|LOG\.\w+|index\.\w+|self\._index\.\w+"
+    r"re\.\w+|Field|Words|Stage|ProblemKind|element|sealed|log\.\w+|LOG\.\w+|index\.\w+|self\._index\.\w+"
     r"|self\._select|.*\.(?:partition|removeprefix|split|join|get)|table\.add_\w+|typer\.\w+|PydanticCustomError|.*\.encode|hashlib\.\w+|run|steps\.begin"
 )
 # Functions whose texts are parts of files.

@@ -31,7 +31,10 @@ startTheme(() => panels.forEach((panel) => panel.retheme?.()));
 const app = document.getElementById("app")!;
 const layout = createLayout(app);
 const selection = createSelection();
-const notice = createNotice(layout.notice);
+const notice = createNotice(layout.notice, {
+  kind: () => input.kind,
+  go: (section, key) => form.go(section, key),
+});
 const help = createHelp();
 
 const badge = h("div", { class: "badge-place" });
