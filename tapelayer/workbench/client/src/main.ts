@@ -160,6 +160,8 @@ async function loadSetup(): Promise<void> {
   loader.value = "";
   if (!file) return;
   try {
+    // Values that are written before there are fields would be lost.
+    await started;
     form.write(await api.parseSetup(input.kind, await file.text()));
     notice.clear();
   } catch (error) {
