@@ -7,7 +7,8 @@ import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Self
 
@@ -21,6 +22,8 @@ LETTERS: dict[Language, str] = {"en": "a", "zh": "道次"}
 # items are translated and joined by this.
 PLACE = re.compile(r"\{(\d+)(?:(\*)|\|([^}]+))?\}")
 _BETWEEN = re.compile(r", | and | or ")
+# Names and places that may precede a sentence.
+MOST_PLACES = 8
 _INNER = "(.*?)"
 # A name at an end of a sentence does not reach over what precedes the sentence, `panel.txt:7: `, unless it is quoted.
 _OUTER = r"((?:(?!: ).)*?|['\"].*)"
@@ -34,11 +37,13 @@ class Template:
         other: the translation, with the same places in any order.
         pattern: matches each sentence that the template makes, with a group a place.
         longest: the longest piece of the sentence between its places.
+        letters: how many the pieces have.
     """
 
     other: str
     pattern: re.Pattern[str]
     longest: str
+    letters: int
 
     @classmethod
     def of(cls, english: str, other: str) -> Self:
@@ -54,7 +59,7 @@ class Template:
         pattern = re.escape(pieces[0])
         for number, piece in enumerate(pieces[1:], 1):
             pattern += (_OUTER if number in names & ends else _INNER) + re.escape(piece)
-        return cls(other, re.compile(pattern), max(pieces, key=len))
+        return cls(other, re.compile(pattern), max(pieces, key=len), sum(map(len, pieces)))
 
 
 def translated(text: str, language: Language) -> str:
@@ -68,7 +73,7 @@ def translated(text: str, language: Language) -> str:
         >>> translated("the file is empty; export the courses again", "en")
         'the file is empty; export the courses again'
     """
-    return text if language == "en" else "\n".join(_line(line, language) for line in text.split("\n"))
+    return text if language == "en" else "\n".join(_line(line, language)[1] for line in text.split("\n"))
 
 
 def said(text: str) -> str:
@@ -103,34 +108,40 @@ def _can_be_shown(letters: str) -> bool:
 
 
 @cache
-def _fixed(language: Language) -> dict[str, str]:
-    """Return the sentences without a place."""
-    return {english: other for english, other in catalogue(language).items() if not PLACE.search(english)}
-
-
-@cache
 def _templates(language: Language) -> tuple[Template, ...]:
-    """Return the sentences with places, those with the most letters of their own first."""
-    entries = [(english, other) for english, other in catalogue(language).items() if PLACE.search(english)]
-    entries.sort(key=lambda entry: -len(PLACE.sub("", entry[0])))
-    return tuple(Template.of(*entry) for entry in entries)
+    """Return the sentences of a language."""
+    return tuple(Template.of(*entry) for entry in catalogue(language).items())
 
 
-def _line(line: str, language: Language) -> str:
-    """Return a line in a language; where it is no sentence, each of what `: ` separates, but not single words."""
-    if fixed := _fixed(language).get(line):
-        return fixed
+@lru_cache(maxsize=4096)
+def _line(line: str, language: Language) -> tuple[int, str]:
+    """Return a line in a language, and how many of its letters are those of templates, of all ways the most.
+
+    A sentence may follow names or places, with `: ` after each.
+    """
+    best = (0, line)
+    starts = [0, *(mark.end() for mark in islice(re.finditer(": ", line), MOST_PLACES))][::-1]
     for template in _templates(language):
-        if template.longest in line and (found := template.pattern.fullmatch(line)):
-            return PLACE.sub(lambda place: _value(found.group(int(place[1])), place, language), template.other)
-    before, colon, after = line.partition(": ")
-    if not colon:
-        return line
-    return f"{_line(before, language) if ' ' in before else before}: {_line(after, language)}"
+        if template.longest in line:
+            for start in starts:
+                if found := template.pattern.fullmatch(line, start):
+                    best = max(best, _told(line[:start], template, found, language), key=lambda told: told[0])
+    return best
 
 
-def _value(value: str, place: re.Match[str], language: Language) -> str:
-    """Return a value in the language, as far as its place asks for it."""
-    if place[2]:
-        return _line(value, language)
-    return place[3].join(_line(item, language) for item in _BETWEEN.split(value)) if place[3] else value
+def _told(places: str, template: Template, found: re.Match[str], language: Language) -> tuple[int, str]:
+    """Return a sentence that a template fits, and the places before it, with the number of letters of templates."""
+    place = places.removesuffix(": ")
+    # A single word before a sentence is a name.
+    known, before = _line(place, language) if " " in place else (0, place)
+    count = known + template.letters
+
+    def value(at: re.Match[str]) -> str:
+        nonlocal count
+        items = _BETWEEN.split(found[int(at[1])]) if at[3] else [found[int(at[1])]]
+        told = [_line(item, language) for item in items] if at[2] or at[3] else [(0, items[0])]
+        count += sum(letters for letters, _ in told)
+        return (at[3] or "").join(text for _, text in told)
+
+    text = PLACE.sub(value, template.other)
+    return count, before + places[len(place) :] + text

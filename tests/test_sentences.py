@@ -146,6 +146,25 @@ def test_sentences_within_sentences() -> None:
     assert told[-1] == "part and ply.txt: 另有 2 处错误"
 
 
+def test_the_sentence_with_the_most_words_of_its_own_is_meant() -> None:
+    """Names before a sentence do not lead to one that fits it less, nor into the values of one."""
+    number = (
+        "expected a course number (a whole number from 1, of at most 9 digits) alone on its line before `start`, "
+        "got '%'; give each course a number and close it with `end`"
+    )
+    assert translated(f"my: base.nc:1: {number}", "zh") == (
+        "my: base.nc:1: `start` 之前应有单独成行的道次号（从 1 起的整数，最多 9 位），"
+        "实为 '%'；请为每个道次编号并以 `end` 结束"
+    )
+    assert translated("a folder/job.toml:3: [tape] width_mm is missing", "zh") == (
+        "a folder/job.toml:3: 缺少 [tape] width_mm"
+    )
+    assert translated("setup: [process] kinematics: input should be 'a' or 'b', got 'c: d'", "zh") == (
+        "setup: [process] kinematics: 应为 'a' 或 'b'，实为 'c: d'"
+    )
+    assert translated("output: cannot be read: permission denied", "zh") == "output: 无法读取：没有权限"
+
+
 def test_lists_of_names() -> None:
     assert translated("the program does not end with M30 or M02; it may be cut off", "zh") == (
         "程序没有以 M30 或 M02 结束；可能被截断"
