@@ -19,6 +19,7 @@ from tapelayer.arrays import Floats
 from tapelayer.errors import VerificationFailed
 from tapelayer.jobs.part_names import part_names, placed
 from tapelayer.jobs.stages import READING_BACK, VERIFYING, VERIFYING_PLAN, WRITING
+from tapelayer.language import Language
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.corners import Rule
 from tapelayer.motion.time_law import Limits
@@ -27,7 +28,7 @@ from tapelayer.progress import UNSEEN, Steps, Tick, silent
 from tapelayer.provenance import VERSION, NamedFile, Provenance, sealed
 from tapelayer.reporting.not_judged import unjudged
 from tapelayer.reporting.subject import Occasion, Subject
-from tapelayer.reporting.words import Language, Words
+from tapelayer.reporting.words import Words
 from tapelayer.setups.forms import changes
 from tapelayer.setups.sections import JobSetup
 from tapelayer.verification.failures import Findings

@@ -19,6 +19,7 @@ from tapelayer.errors import CourseFileRefused
 from tapelayer.jobs.job import UNTOLD, JobResult, MachineJob, is_timed, machine_of
 from tapelayer.jobs.part_size import check_size
 from tapelayer.jobs.stages import PLANNING
+from tapelayer.language import Language
 from tapelayer.laying import page
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.inspection import Inspector
@@ -32,7 +33,7 @@ from tapelayer.reporting.not_judged import english, unjudged
 from tapelayer.reporting.quantity import beyond_limits, numbers
 from tapelayer.reporting.subject import Occasion
 from tapelayer.reporting.summary import summary
-from tapelayer.reporting.words import Language, Say
+from tapelayer.reporting.words import Say
 from tapelayer.units import MM, Unit
 from urdf import TAPELAYER
 

@@ -20,6 +20,7 @@ from tapelayer.geometry.stl import parse_mesh
 from tapelayer.jobs.job import UNTOLD, JobResult, MachineJob, is_timed, machine_of
 from tapelayer.jobs.part_size import check_size
 from tapelayer.jobs.stages import COATING, PLANNING, SLICING
+from tapelayer.language import Language
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import Steps
@@ -28,7 +29,7 @@ from tapelayer.reporting.not_judged import english, unjudged
 from tapelayer.reporting.quantity import numbers
 from tapelayer.reporting.subject import Occasion
 from tapelayer.reporting.summary import summary
-from tapelayer.reporting.words import Language, Say
+from tapelayer.reporting.words import Say
 from tapelayer.spraying import page
 from tapelayer.spraying.coat import coat_of
 from tapelayer.spraying.evidence import SprayEvidence

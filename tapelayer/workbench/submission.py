@@ -109,8 +109,10 @@ def _check_field(field: str, what: str, given: Collection[str], name: KindName) 
     """Refuse a field that belongs to jobs of another kind."""
     if field in given and field not in kind_of(name).source.fields:
         owners = " or ".join(other for other in NAMES if field in kind_of(other).source.fields)
-        hint = ", course files are in mm" if field == "unit" else ""
-        raise invalid(f"{field}: {what} belongs to kind {owners}{hint}; leave it out")
+        raise invalid(
+            f"{field}: {what} belongs to kind {owners}"
+            f"{', course files are in mm' if field == 'unit' else ''}; leave it out"
+        )
 
 
 def _setup(form: Form, name: KindName) -> str:
