@@ -19,7 +19,7 @@ from tapelayer.errors import AxisBeyondTravel, CourseFileRefused, InputFault, In
 from tapelayer.jobs.kinds import kinds
 from tapelayer.language import OTHERS, Language
 from tapelayer.reporting.quantity import Group, Quantity
-from tapelayer.reporting.words import worded
+from tapelayer.reporting.failure_names import worded
 from tapelayer.sentences import PLACE, catalogue, translated
 from tapelayer.verification.failures import Failure
 from tests.helpers.paths import ROOT
