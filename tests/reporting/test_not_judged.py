@@ -55,7 +55,7 @@ def test_a_machine_without_accelerations_has_more_that_is_not_judged(
 ) -> None:
     own = tmp_path / "own.urdf"
     text, count = re.subn(r' acceleration="[^"]*"', "", urdf.read_text(encoding="utf-8"))
-    assert count == len(job_of_kind(kind).machine.axes)
+    assert count == len(job_of_kind(kind).axes)
     own.write_text(text, encoding="utf-8")
     setup = parse_setup(f'[machine]\nurdf = "{own}"\n'.encode(), "setup.toml", kind_of(kind).setup)
     found = kind_of(kind).job(source(kind), "source.txt", setup).make("program.nc")
