@@ -125,18 +125,13 @@ def test_a_block_ends_as_the_node_there_is_passed(case: Case) -> None:
 
 
 def passed_at(case: Case, times: list[float], time: float) -> int:
-    """How the stroke passes a time: as its last node there, or, between two, on if either is not a full stop."""
+    """How the stroke passes a time: as its last node there, or on between two."""
     # Nodes at the same time are one, passed as the last of them; a stroke begins, and waits, as its first node says.
     passed = {round(at / SAME_TIME): int(how) for at, how in zip(times, case.passed, strict=True)}
     first = min([0.0, *(times[node] - delay for node, delay, _ in case.words)])
     passed |= {round(at / SAME_TIME): int(case.passed[0]) for at in (0.0, first)}
-    by_time = sorted((at * SAME_TIME, how) for at, how in passed.items())
-    for at, how in by_time:
-        if abs(at - time) < 2 * SAME_TIME:
-            return how
-    before = [how for at, how in by_time if at < time][-1]
-    after = next(how for at, how in by_time if at > time)
-    return Pass.ON if max(before, after) > Pass.STOP else Pass.STOP
+    there = [how for at, how in passed.items() if abs(at * SAME_TIME - time) < 2 * SAME_TIME]
+    return there[0] if there else Pass.ON
 
 
 def min_gap(values: list[float]) -> float:
