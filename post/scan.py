@@ -20,8 +20,13 @@ CHUNK = 1 << 15
 # Digits in twice eight bytes, and the mantissa up to which a double is exact.
 LONGEST = 16
 EXACT = 2**53
+# No number of a program is as large as this, and sums and squares of those below it are finite.
+BEYOND = 1e100
 # Extended addresses (`Q1=`) are represented by one byte each from here on.
 EXTENDED = 0x80
+# Characters of a word's digits in a message.
+SHOWN = 40
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _POWERS = 10.0 ** np.arange(LONGEST + 1)
 
 
@@ -102,14 +107,29 @@ def words_of(source: Source, controller: Controller) -> Words:
         values[page], good = _numbers(padded, begins[page] + 1, ends[page])
         malformed += (np.flatnonzero(~good) + first).tolist()
     words = Words(source, letters, values, lines, firsts)
-    for word in malformed:
-        address = shown_letter(int(letters[word]), extended)
-        digits = text[begins[word] + 1 : ends[word]].decode("ascii", "replace")
-        words.fault(word, f"expected a number after {address}, got {digits or 'nothing'}")
+    _note_malformed(
+        words, [(word, text[begins[word] + 1 : ends[word]].decode("ascii", "replace")) for word in malformed], extended
+    )
     starts = np.concatenate([[0], newlines[:-1] + 1])
     for line in np.flatnonzero((data[starts] < FIRST_LETTER) & (data[starts] != NEWLINE)).tolist():
         source.fault(line, -1, f"expected a word (a letter and a number), got {chr(data[starts[line]])}")
     return words
+
+
+def _note_malformed(words: Words, malformed: Sequence[tuple[int, str]], extended: Sequence[str]) -> None:
+    """Note a fault for each word that is no number, given with its digits; one fault for all decimal commas."""
+    commas = [word for word, digits in malformed if _DECIMAL_COMMA.fullmatch(digits)]
+    told = set(commas[1:])
+    for word, digits in malformed:
+        if word in told:
+            continue
+        shown = digits if len(digits) <= SHOWN else f"{digits[:SHOWN]}..."
+        sentence = (
+            f"expected a number after {shown_letter(int(words.letters[word]), extended)}, got {shown or 'nothing'}"
+        )
+        if word in commas[:1]:
+            sentence += f": numbers have decimal commas, {len(commas)} in this program; write decimal points"
+        words.fault(word, sentence)
 
 
 def extended_addresses(controller: Controller) -> list[str]:
@@ -163,7 +183,7 @@ def _numbers(padded: bytes, begins: Ints, ends: Ints) -> tuple[Floats, Mask]:
         # The few whose mantissa is too long for a double are left to Python.
         for at in longer[(length[longer] > LONGEST) | (mantissa >= EXACT)].tolist():
             text = padded[LONGEST + begins[at] : LONGEST + ends[at]]
-            good[at] = re.fullmatch(rb"[+-]?(\d+\.?\d*|\.\d+)", text) is not None
+            good[at] = re.fullmatch(rb"[+-]?(\d+\.?\d*|\.\d+)", text) is not None and abs(float(text)) < BEYOND
             values[at], decimals[at] = (abs(float(text)) if good[at] else 0.0), 0
     good &= length > points
     values /= _POWERS[decimals]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from post.controllers import Controller
 from tapelayer.errors import InputFault, ProgramRefused
+from tapelayer.text import plain_text
 
 Bytes = NDArray[np.uint8]
 
@@ -38,11 +39,10 @@ class Source:
         self.name = name
         self.comments: list[Comment] = []
         self._faults: list[tuple[int, int, str]] = []
+        text = plain_text(text, name, ProgramRefused)
         if b"\0" in text:
             raise ProgramRefused(name, [InputFault(0, "is a binary file, no NC program")])
-        if b"\r" in text:
-            text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        self.plain = bytearray(text.removeprefix(b"\xef\xbb\xbf") + b"\n")
+        self.plain = bytearray(text + b"\n")
         self._take_comments(controller.blocks.comment)
         for block in (controller.blocks.first_line, controller.blocks.last_line, *controller.codes.no_effect):
             if block and not re.fullmatch(r"[A-Z]|G[\d.]+", block):

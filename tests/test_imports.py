@@ -23,10 +23,12 @@ FLOORS = (
     (
         "tapelayer.vectors",
         "tapelayer.provenance",
-        "tapelayer.toml_files",
+        "tapelayer.text",
         "tapelayer.atomic_files",
         "tapelayer.dispatch",
+        "tapelayer.command_help",
     ),
+    ("tapelayer.toml_files",),
     ("tapelayer.geometry",),
     ("tapelayer.machines",),
     ("tapelayer.motion",),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 import re
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,9 @@ from tapelayer.errors import ControllerRefused, InputFault
 from tapelayer.motion.trajectory import Event
 from tapelayer.toml_files import read_toml
 
+# What the file itself gives, and no key of it may.
+GIVEN = {"name": "the file's name is the name", "sha256": "the file's bytes have one of their own"}
+
 
 def parse(data: bytes, path: str) -> Controller:
     """Return the controller in the bytes of a table; messages name it by `path`, programs by the stem of `path`.
@@ -23,12 +27,14 @@ def parse(data: bytes, path: str) -> Controller:
         ControllerRefused: not TOML, unknown keys (with the nearest known one), or impossible values; all at once.
     """
     table, text = read_toml(data, path, ControllerRefused)
-    if "name" in table:
+    taken = [key for key in GIVEN if key in table]
+    if taken:
         raise ControllerRefused(
-            path, [InputFault(_line(text, ("name",)), "unknown key name; the file's name is the name")]
+            path, [InputFault(_line(text, (key,)), f"unknown key {key}; {GIVEN[key]}") for key in taken]
         )
     try:
-        return Controller.model_validate({"name": Path(path).stem, **table})
+        given = {"name": Path(path).stem, "sha256": hashlib.sha256(data).hexdigest()}
+        return Controller.model_validate({**given, **table})
     except ValidationError as error:
         faults = {fault for detail in error.errors() for fault in _worded(text, detail)}
         raise ControllerRefused(path, sorted(faults, key=lambda fault: (fault.line, fault.sentence))) from None
@@ -69,7 +75,7 @@ def _known(place: tuple[int | str, ...]) -> list[str]:
         if isinstance(part, str):
             annotation = model.model_fields[part].annotation
             model = AxisWord if part == "axes" else annotation
-    return [name for name in model.model_fields if (name, model) != ("name", Controller)]
+    return [name for name in model.model_fields if model is not Controller or name not in GIVEN]
 
 
 def _line(text: str, place: tuple[int | str, ...]) -> int:

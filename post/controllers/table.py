@@ -236,6 +236,7 @@ class Controller(_Table):
 
     Attributes:
         name: name of the table: built-in, or the file's without its ending.
+        sha256: SHA-256 of the table's bytes, hexadecimal.
         title: one line for people.
         axes: axis words in their order in a block.
         max_word: largest magnitude of an axis word, in written units.
@@ -252,6 +253,7 @@ class Controller(_Table):
     """
 
     name: str
+    sha256: str
     title: str
     axes: Annotated[tuple[AxisWord, ...], Field(min_length=1, strict=False)]
     max_word: Annotated[float, Field(gt=0, le=2e9, strict=False)]

@@ -23,7 +23,11 @@ from tapelayer.motion.corners import Rule
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
-from tapelayer.provenance import Provenance, sealed
+from tapelayer.provenance import VERSION, NamedFile, Provenance, sealed
+from tapelayer.reporting.not_judged import unjudged
+from tapelayer.reporting.subject import Occasion, Subject
+from tapelayer.reporting.words import Language, Words
+from tapelayer.setups.forms import changes
 from tapelayer.setups.sections import JobSetup
 from tapelayer.verification.failures import Findings
 from tapelayer.verification.inspection import Judge
@@ -31,6 +35,8 @@ from tapelayer.verification.verified import Verified, failure_of
 
 Plan = TypeVar("Plan")
 Evidence = TypeVar("Evidence", bound=Findings)
+
+UNTOLD = Occasion()
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +48,14 @@ class JobResult(ABC, Generic[Evidence]):
         evidence: verification's measurements on it.
         text: bytes of the program; empty where the plan failed.
         remarks: sentences to print beside the verdict.
+        job: the job that was done.
     """
 
     trajectory: Trajectory
     evidence: Evidence
     text: bytes
     remarks: tuple[str, ...]
+    job: MachineJob[Any, Evidence]
 
     @property
     def failure(self) -> VerificationFailed | None:
@@ -55,28 +63,33 @@ class JobResult(ABC, Generic[Evidence]):
         return failure_of(self.evidence)
 
     @abstractmethod
-    def report(self) -> dict[str, Any]:
-        """Return the report as plain values for JSON."""
+    def numbers(self) -> dict[str, Any]:
+        """Return the verdict and all that was measured, as plain values for JSON."""
 
     @abstractmethod
-    def summary(self) -> Table:
+    def summary(self, language: Language = "en") -> Table:
         """Return the report as a table for a terminal."""
 
     @abstractmethod
-    def page(self, title: str) -> str:
+    def page(self, occasion: Occasion = UNTOLD, language: Language = "en") -> str:
         """Return the report as one HTML page with plots, titled with the program's name."""
 
-    def report_file(self) -> bytes:
+    def report(self, occasion: Occasion = UNTOLD) -> dict[str, Any]:
+        """Return the report as plain values for JSON: the same for the same job, program and occasion."""
+        subject = self.job.subject(occasion, self.evidence.program_sha256).values()
+        return {"version": VERSION, "subject": subject, **self.numbers()}
+
+    def report_file(self, occasion: Occasion = UNTOLD) -> bytes:
         """Return the report as the bytes of a JSON file, with the hash of its own text as the last key."""
-        text = json.dumps(self.report(), indent=2, allow_nan=False).removesuffix("\n}").encode() + b",\n}\n"
+        text = json.dumps(self.report(occasion), indent=2, allow_nan=False).removesuffix("\n}").encode() + b",\n}\n"
         return sealed(text, len(text) - len("}\n"), '  "text_sha256": "', '"')
 
-    def page_file(self, title: str) -> bytes:
+    def page_file(self, occasion: Occasion = UNTOLD, language: Language = "en") -> bytes:
         """Return the report as the bytes of an HTML file, with the hash of its own text as the last comment."""
-        text = self.page(title).encode()
+        text = self.page(occasion, language).encode()
         return sealed(text, len(text), "<!-- text sha256: ", " -->")
 
-    def notes(self) -> tuple[str, ...]:
+    def notes(self, language: Language = "en") -> tuple[str, ...]:
         """Return sentences to print beside the report's table."""
         return ()
 
@@ -120,9 +133,34 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         return is_timed(self.machine, self.controller)
 
     @property
+    def not_judged(self) -> tuple[Words, ...]:
+        """What no verdict on a program of this job covers."""
+        return unjudged(self.timed)
+
+    @property
     @abstractmethod
     def parts(self) -> int:
         """Number of courses or passes."""
+
+    def subject(self, occasion: Occasion, program_sha256: str) -> Subject:
+        """Return what a report on a program of this job is about.
+
+        Args:
+            occasion: what the caller knows.
+            program_sha256: SHA-256 of the program, hexadecimal; empty for a plan.
+        """
+        made, machine, control = self.provenance, self.machine, self.controller
+        return Subject(
+            sources=made.sources,
+            setup=NamedFile(occasion.setup, made.setup_sha256),
+            changed=changes(self.setup),
+            machine=str(machine.model.name),
+            urdf=NamedFile(machine.path.name, machine.sha256),
+            controller=NamedFile(control.name, control.sha256),
+            program=NamedFile(occasion.program, program_sha256),
+            version=made.version,
+            judged_at=occasion.judged_at,
+        )
 
     @abstractmethod
     def planned(self, steps: Steps) -> tuple[Plan, Trajectory]:
@@ -173,7 +211,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         plan, trajectory = self.planned(steps)
         judge = self.inspector(plan)
         steps.begin(VERIFYING_PLAN.name, self.parts)
-        evidence, text = judge.judge(trajectory, tick=steps.tick), b""
+        evidence, text = judge.judge(trajectory, self.resolution, steps.tick), b""
         if evidence.passed:
             steps.begin(WRITING.name)
             text = self.text(Verified(trajectory, evidence))
@@ -210,7 +248,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
             TapelayerError: the job cannot be done on this machine, or the plan failed verification.
         """
         plan, trajectory = self.planned(_Ticks(tick))
-        return self.inspector(plan).verify(trajectory, tick=tick)
+        return self.inspector(plan).verify(trajectory, self.resolution, tick)
 
     def text(self, planned: Verified[Evidence]) -> bytes:
         """Return the NC text of a verified trajectory."""

@@ -278,7 +278,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         required=True,
         headline=True,
         samples="position_errors",
-        curves=(("normal", "normal_errors"), ("lateral", "lateral_errors")),
+        curves=((Words("normal", "法向"), "normal_errors"), (Words("lateral", "侧向"), "lateral_errors")),
     ),
     Quantity(
         "max_chord_error_mm",
@@ -302,7 +302,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         required=True,
         headline=True,
         samples="tilts",
-        curves=(("tilt", "tilts"),),
+        curves=((Words("tilt", "倾斜"), "tilts"),),
     ),
     Quantity(
         "max_edge_lift_mm",
@@ -325,7 +325,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         lambda e: _largest(e.samples.heading_errors) / DEG,
         required=True,
         samples="heading_errors",
-        curves=(("heading", "heading_errors"),),
+        curves=((Words("heading", "航向"), "heading_errors"),),
     ),
     Quantity(
         "max_pitch_deg",
@@ -374,7 +374,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         lambda e: _largest(e.samples.tape_errors) / MM,
         required=True,
         samples="tape_errors",
-        curves=(("tape", "tape_errors"),),
+        curves=((Words("tape", "送带"), "tape_errors"),),
     ),
     Quantity(
         "max_cut_error_mm",

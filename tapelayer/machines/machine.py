@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -86,11 +87,13 @@ class Machine:
 
     Attributes:
         path: the file.
+        sha256: SHA-256 of its bytes, hexadecimal.
         axes: driven joints in the file's order: the columns of every q.
         model: Pinocchio's model of the file, mimic joints kept.
     """
 
     path: Path
+    sha256: str
     axes: tuple[Axis, ...]
     model: pinocchio.Model
     _joints: tuple[_Joint, ...]
@@ -112,7 +115,8 @@ class Machine:
         model = _pinocchio_model(path)
         axes = tuple(_axis(path, model, name, kind, limit) for name, (kind, limit) in driven.items())
         column_of = {int(model.idx_qs[model.getJointId(axis.name)]): column for column, axis in enumerate(axes)}
-        return Machine(path, axes, model, _joints(path, model, column_of), _frames(model))
+        sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+        return Machine(path, sha256, axes, model, _joints(path, model, column_of), _frames(model))
 
     @cached_property
     def names(self) -> tuple[str, ...]:

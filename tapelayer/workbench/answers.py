@@ -148,7 +148,7 @@ FORM = {
     "kind": {"enum": [*NAMES]},
     "setup": {"description": "TOML, as a field or as a file; without it the defaults"},
     "controller": {"description": "in place of the setup's: the name of a built-in or of one of the parts"},
-    "unit": {"enum": ["mm", "m", "in"], "description": "spray only: unit of the STL's numbers; without it mm"},
+    "unit": {"enum": ["mm", "cm", "m", "in"], "description": "spray only: unit of the STL's numbers; without it mm"},
     "mould": {"description": "lay only: an STL of the mould in mm, in the part's frame, to look at"},
     "parts": {
         "description": "files that the setup names: a URDF and its meshes, a controller table, a profile; "

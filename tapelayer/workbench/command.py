@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from tapelayer.command_help import Command
 from tapelayer.dispatch import run
 from tapelayer.errors import ServeRefused
 
@@ -134,5 +135,5 @@ def _data_folder() -> Path:
 def main() -> None:
     """Run only this command."""
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
-    app.command(epilog=EPILOG)(serve)
+    app.command(epilog=EPILOG, cls=Command)(serve)
     run(app, sys.argv[2:], "tapelayer serve")

@@ -101,6 +101,9 @@ CODES: dict[str, ProblemKind] = {
     "nothing-to-spray": ProblemKind(
         422, "There is nothing to spray", "Nothing of the surface can be reached by the gun."
     ),
+    "part-beyond-reach": ProblemKind(
+        422, "The part lies beyond reach", "Most of the surface lies where the gun does not reach it."
+    ),
     "not-writable": ProblemKind(
         422, "The control cannot say it", "The trajectory cannot be said in the control's words, for the reason given."
     ),

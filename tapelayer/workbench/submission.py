@@ -14,10 +14,10 @@ import defusedxml.ElementTree
 from defusedxml import DefusedXmlException
 
 from post import controllers
-from tapelayer.geometry.mesh import Unit
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds
-from tapelayer.setups.forms import text_of
+from tapelayer.setups.forms import NAME, text_of
 from tapelayer.setups.sections import parse_setup
+from tapelayer.units import Unit
 from tapelayer.workbench.problems import Problem
 from tapelayer.workbench.uploads import Form, Sort, invalid, shown
 
@@ -92,9 +92,16 @@ def _request(form: Form, folder: Path) -> dict[str, Any]:
     _check_field("unit", "a unit", form.texts, kind)
     unit = _chosen(form, "unit", get_args(Unit), "mm")
     _check_parts(form.files)
-    (folder / "setup.toml").write_text(_setup(form, kind), encoding="utf-8")
+    setup = _setup(form, kind)
+    (folder / NAME).write_text(setup, encoding="utf-8")
     (folder / "file").rename(folder / "source")
-    return {"kind": kind, "name": form.names["file"], "unit": unit, "parts": sorted(form.files)}
+    return {
+        "kind": kind,
+        "name": form.names["file"],
+        "setup_name": form.names.get("setup", NAME if setup else ""),
+        "unit": unit,
+        "parts": sorted(form.files),
+    }
 
 
 def _check_field(field: str, what: str, given: Collection[str], name: KindName) -> None:

@@ -51,6 +51,24 @@ def test_numbers_are_well_formed_or_refused(text: str) -> None:
             words.source.refuse()
 
 
+def test_no_number_is_so_large_that_sums_overflow() -> None:
+    assert scanned(f"X{'0' * 400}1{'0' * 50}").values.tolist() == [1e50]
+    sentence = rf"p\.nc:1:1: expected a number after X, got {'9' * 40}\.\.\.$"
+    for text in ("9" * 400, "9" * 101):
+        with pytest.raises(ProgramRefused, match=sentence):
+            scanned(f"X{text}").source.refuse()
+
+
+def test_all_decimal_commas_get_one_sentence() -> None:
+    with pytest.raises(ProgramRefused) as caught:
+        scanned("G1 X1,5 Y-2,25\nX+3,0 Z4,\n").source.refuse()
+    assert str(caught.value).splitlines() == [
+        "p.nc:1:4: expected a number after X, got 1,5: numbers have decimal commas, 3 in this program; "
+        "write decimal points",
+        "p.nc:2:7: expected a number after Z, got 4,",
+    ]
+
+
 def test_a_line_begins_with_a_word() -> None:
     with pytest.raises(ProgramRefused, match=r"p\.nc:2: expected a word \(a letter and a number\), got 5"):
         scanned("X1\n5 X2\n").source.refuse()

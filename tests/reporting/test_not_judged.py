@@ -13,6 +13,7 @@ from rich.console import Console
 
 from tapelayer.jobs.job import JobResult
 from tapelayer.jobs.kinds import KindName, kind_of
+from tapelayer.reporting.subject import Occasion
 from tapelayer.setups.sections import parse_setup
 from tapelayer.workbench.catalogue import list_quantities
 from tests.helpers.kinds import KINDS, job_of_kind, made, source
@@ -36,7 +37,7 @@ def test_reports_name_what_is_not_judged(kind: KindName, damaged: bool) -> None:
     assert report["passed"] is not damaged
     assert report["not_judged"][:1] == NAMES.split(", ")
     assert not {"acceleration", "the control's own time"} & set(report["not_judged"])
-    ((_, shown),) = Elements(found.page("program.nc")).of("span", "free")
+    ((_, shown),) = Elements(found.page(Occasion("program.nc"))).of("span", "free")
     assert shown.startswith(f"not judged: {NAMES}")
     shown_there = io.StringIO()
     Console(file=shown_there, width=200).print(found.summary())

@@ -47,6 +47,7 @@ STABLE = {
     "nothing-to-spray": 422,
     "out-of-memory": 500,
     "out-of-time": 500,
+    "part-beyond-reach": 422,
     "part-too-high": 422,
     "pitch-not-found": 422,
     "pose-undefined": 422,
