@@ -360,9 +360,10 @@ def _fixed(
             fixed.append((at, f"{controller.codes.set_position} {tape.axis.address}0"))
     if controller.time.blends:
         motions = np.flatnonzero(layout.plain)
-        tolerances = trajectory.tolerances[blocks[motions]]
-        changes = np.flatnonzero(~_same(epochs[motions], tolerances))
-        fixed += [(int(motions[row]), controller.time.text(float(tolerances[row]))) for row in changes.tolist()]
+        different, inverse = np.unique(trajectory.tolerances[blocks[motions]], return_inverse=True)
+        texts = np.array([controller.time.text(tolerance) for tolerance in different.tolist()])[inverse]
+        changes = np.flatnonzero(~_same(epochs[motions], texts))
+        fixed += [(int(motions[row]), str(texts[row])) for row in changes.tolist()]
     fixed += [(len(blocks), words) for words in controller.blocks.end[:1]]
     return sorted(fixed, key=lambda row: row[0])
 

@@ -117,8 +117,8 @@ def test_the_built_in_machine_has_its_axes_in_the_order_of_the_file() -> None:
     machine = Machine.load()
     assert machine.path == TAPELAYER
     assert machine.names == tuple("xyzcauvdqe")
-    assert machine.axis("x") == Axis("x", False, 0.0, 2.5, 1.0)
-    assert machine.axis("c") == Axis("c", True, -np.pi / 6, np.pi / 6, np.pi / 3)
+    assert machine.axis("x") == Axis("x", False, 0.0, 2.5, 1.0, 2.0)
+    assert machine.axis("c") == Axis("c", True, -np.pi / 6, np.pi / 6, np.pi / 3, np.radians(1000))
     assert [axis.revolute for axis in machine.axes] == [name in "cade" for name in machine.names]
     assert [machine.column(name) for name in machine.names] == list(range(10))
 
@@ -177,11 +177,14 @@ def test_rotations_stay_rotations(turn: float) -> None:
 
 
 def test_with_limits_changes_only_what_is_named() -> None:
-    changed = tape_layer().with_limits({"c": (-3.0, 3.0), "a": (-0.5, 0.5)}, {"c": 2.0, "x": 0.25})
-    assert changed.axis("c") == Axis("c", True, -3.0, 3.0, 2.0)
-    assert changed.axis("a") == Axis("a", True, -0.5, 0.5, tape_layer().axis("a").speed)
-    assert changed.axis("x") == Axis("x", False, 0.0, 2.5, 0.25)
-    for name in "yzuvdqe":
+    changed = tape_layer().with_limits(
+        {"c": (-3.0, 3.0), "a": (-0.5, 0.5)}, {"c": 2.0, "x": 0.25}, {"a": 4.0, "y": 1.5}, {"y": 30.0}
+    )
+    assert changed.axis("c") == Axis("c", True, -3.0, 3.0, 2.0, tape_layer().axis("c").acceleration)
+    assert changed.axis("a") == Axis("a", True, -0.5, 0.5, tape_layer().axis("a").speed, 4.0)
+    assert changed.axis("x") == Axis("x", False, 0.0, 2.5, 0.25, 2.0)
+    assert changed.axis("y") == Axis("y", False, 0.0, 2.0, 1.0, 1.5, 30.0)
+    for name in "zuvdqe":
         assert changed.axis(name) == tape_layer().axis(name)
     assert tape_layer().axis("x").speed == 1.0
     q = sampled(tape_layer(), 5)

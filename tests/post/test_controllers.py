@@ -9,7 +9,7 @@ from pydantic import ValidationError
 import post.controllers
 from post.controllers import Controller, load, names
 from post.controllers.parsing import GIVEN, parse
-from post.controllers.table import ArcRule, AxisWord, Blocks, Codes, Feed
+from post.controllers.table import ArcRule, AxisWord, Blocks, Codes, Feed, Timing
 from tapelayer.errors import ControllerRefused
 from tapelayer.motion.trajectory import Event
 from tests.helpers.machines import TEN_AXES, tape_layer
@@ -123,7 +123,7 @@ def test_all_collisions_come_at_once() -> None:
         ('"G94"', '"G1.0"'),
         ('"M21"', '"M020"'),
         ('"M33"', '"M30"'),
-        ('restated = ["G90"]', 'restated = ["G90 G64 T1"]'),
+        ('restated = ["G90"]', 'restated = ["G90 G65 T1"]'),
         ('["X", "Y", "Z"]]', '["X", "Z", "W"]]'),
     )
     message = refused(text)
@@ -138,7 +138,7 @@ def test_all_collisions_come_at_once() -> None:
         "codes: G1.0 stands for both linear and per_minute; each needs a word of its own",
         "events: M020 stands for both shoe_down and roller_down; each needs a word of its own",
         "events: M30 stands for both end and knife_2_down; each needs a word of its own".replace("_down", "_up"),
-        "blocks.restated: G64 is not in codes or codes.no_effect, so no reader would know it",
+        "blocks.restated: G65 is not in codes or codes.no_effect, so no reader would know it",
         "blocks.restated: T1 is not in codes or codes.no_effect, so no reader would know it",
     ):
         assert f": {sentence}\n" in message + "\n"
@@ -386,11 +386,11 @@ def test_the_docs_name_every_key_table_and_event() -> None:
     named = set(re.findall(r"`\[?([a-z_0-9]+)\]?`", text))
     keys = {
         key
-        for model in (AxisWord, Blocks, Codes, Feed, ArcRule, Controller)
+        for model in (AxisWord, Blocks, Codes, Feed, ArcRule, Timing, Controller)
         for key in model.model_fields
         if model is not Controller or key not in GIVEN
-    } - {"blocks", "codes", "feed", "arcs", "events"}
+    } - {"blocks", "codes", "feed", "arcs", "time", "events"}
     assert keys - named == set()
-    assert {"blocks", "codes", "feed", "arcs", "events"} <= named
+    assert {"blocks", "codes", "feed", "arcs", "time", "events"} <= named
     assert {event.name.lower() for event in Event if event} - named == set()
     assert set(names()) - named == set()

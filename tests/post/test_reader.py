@@ -81,9 +81,13 @@ def test_golden_program() -> None:
         0.106, 0.008, 0.05, np.deg2rad(-30.0), 0.0, 0.0225, 1e-6, np.deg2rad(-12.345), 0.0, 0.0,
     ]  # fmt: skip
     seconds = [0, 0, 0, 1.2, 0, 0, 0.5, 0.5, 0.25, 0.1, 0, 0, 0.08, 0, 0.212, 0.02, 0.5]
+    assert path.asked == pytest.approx(seconds, rel=1e-5)
+    # D cannot turn as fast as it is asked to.
+    seconds[9] = 12.345 / 90.0
     assert path.durations == pytest.approx(seconds, rel=1e-5)
     assert path.stated.tolist()[1:3] == [0b100, 0b1111111111]
-    assert path.lines.tolist()[:4] == [11, 12, 13, 14]
+    assert path.lines.tolist()[:4] == [11, 13, 14, 15]
+    assert path.tolerances.tolist() == [np.inf if kind == S else 0.0 for kind in path.kinds]
 
 
 @pytest.mark.parametrize(
@@ -458,12 +462,40 @@ def test_axes_that_a_word_takes_ride_with_a_motion_or_alone() -> None:
         ),
         ("linuxcnc", "M68 E1 Q5", "4:1: M68 is no word of controller linuxcnc"),
         ("linuxcnc", "M62 P9", "4:1: M62 is no word of controller linuxcnc"),
-        ("linuxcnc", "G64 P1", "4:5: the P word has no meaning in this block; remove it"),
+        ("linuxcnc", "G61 P1", "4:5: the P word has no meaning in this block; remove it"),
+        ("linuxcnc", "G64 P0", "4:5: expected a tolerance above 0"),
+        ("linuxcnc", "G61 G64", "4:5: a second exact stop or blending in one block; write it in a block of its own"),
+        ("jb3208", "G64 P1", "4:5: the P word has no meaning in this block; remove it"),
         ("linuxcnc", "G1 X1", "4:1: a feed motion without a feed word; give it one"),
     ],
 )
 def test_words_that_take_axes_are_checked(controller: str, block: str, expected: str) -> None:
     assert f"p.nc:{expected}" in refusals(LINUXCNC_STATE + block + "\nM2", controller=load(controller))
+
+
+@pytest.mark.parametrize(
+    ("controller", "text", "expected"),
+    [
+        ("linuxcnc", "G1 X1 F60\nG61 X2 F60\nX3 F60\nG64 P0.25 X4 F60\nX5 F60\nG64 X6 F60", "* 0 0 0.25 0.25 *"),
+        ("jb3208", "G1 X1 F60\nG64 X2\nX3\nG61 X4", "0 0.02 0.02 0"),
+        ("sinumerik840d", "G1 X1 F60\nG642 X2\nG60 X3", "0 0.02 0"),
+    ],
+)
+def test_a_block_s_end_is_rounded_off_as_the_words_say(controller: str, text: str, expected: str) -> None:
+    """In mm, by the control's own parameters where no word states it; * without a bound."""
+    rows = f"G0 X0\n{text}\nM30"
+    if controller == "linuxcnc":
+        rows = f"G93\n{rows}"
+    path = parsed(rows, load(controller), ("x",)).trajectory
+    bounds = [np.inf if word == "*" else float(word) * 1e-3 for word in expected.split()]
+    assert path.tolerances[1:] == pytest.approx(bounds)
+
+
+@pytest.mark.parametrize(("word", "waits"), [("M62 P4", False), ("M64 P4", True)])
+def test_a_word_at_rest_lets_the_control_finish_all_motion(word: str, waits: bool) -> None:
+    path = parsed(LINUXCNC_STATE + f"G1 X1 F60\n{word}\nX2 F60\nM2", load("linuxcnc")).trajectory
+    at = path.events.tolist().index(Event.HEATER_ON)
+    assert path.tolerances[at] == (0.0 if waits else np.inf)
 
 
 def test_an_output_must_be_stated_before_a_feed_motion() -> None:
@@ -558,7 +590,7 @@ def test_what_is_written_reads_back_as_the_rounded_trajectory(
     assert path.kinds[stated_in:].tolist() == list(kinds)
     assert path.events[stated_in:].tolist() == list(events)
     assert path.courses[stated_in:].tolist() == list(courses)
-    assert path.durations[stated_in:] == pytest.approx(np.array(seconds_), rel=1e-5, abs=1e-9)
+    assert path.requested[stated_in:] == pytest.approx(np.array(seconds_), rel=1e-5, abs=1e-9)
 
 
 SEEDS = {
