@@ -8,7 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tapelayer import Job, Setup
+from tapelayer import Job, Occasion, Setup
 
 COURSES = Path(__file__).parent / "cylinder_panel_15.txt"
 
@@ -24,7 +24,7 @@ def main() -> None:
     report = result.report()
     (folder / "panel.nc").write_bytes(result.text)
     (folder / "panel.json").write_text(json.dumps(report, indent=2))
-    (folder / "panel.html").write_text(result.page("panel.nc"), encoding="utf-8")
+    (folder / "panel.html").write_text(result.page(Occasion("panel.nc")), encoding="utf-8")
 
     print(f"{report['courses']} courses, {report['blocks']} blocks, {report['duration_s']:.0f} s")
     print(f"position error {report['max_position_error_mm']:.4f} mm, limit 0.05 mm")

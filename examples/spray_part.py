@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tapelayer import SprayJob, SpraySetup
+from tapelayer import Occasion, SprayJob, SpraySetup
 
 MODEL = Path(__file__).parent / "curved_panel.stl"
 
@@ -23,7 +23,7 @@ def main() -> None:
             raise result.failure
         report = result.report()
         (folder / f"panel_{pitch:.0f}.nc").write_bytes(result.text)
-        (folder / f"panel_{pitch:.0f}.html").write_text(result.page("panel.nc"), encoding="utf-8")
+        (folder / f"panel_{pitch:.0f}.html").write_text(result.page(Occasion("panel.nc")), encoding="utf-8")
         thickness = report["thickness"]
         print(
             f"pitch {pitch:.0f} mm: {report['passes']} passes, {report['duration_s']:.1f} s, coverage "

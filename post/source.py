@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from post.controllers import Controller
 from tapelayer.errors import InputFault, ProgramRefused
+from tapelayer.text import plain_text
 
 Bytes = NDArray[np.uint8]
 
@@ -38,18 +39,17 @@ class Source:
         self.name = name
         self.comments: list[Comment] = []
         self._faults: list[tuple[int, int, str]] = []
+        text = plain_text(text, name, ProgramRefused)
         if b"\0" in text:
             raise ProgramRefused(name, [InputFault(0, "is a binary file, no NC program")])
-        if b"\r" in text:
-            text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        self.plain = bytearray(text.removeprefix(b"\xef\xbb\xbf") + b"\n")
+        self.plain = bytearray(text + b"\n")
         self._take_comments(controller.blocks.comment)
         for block in (controller.blocks.first_line, controller.blocks.last_line, *controller.codes.no_effect):
             if block and not re.fullmatch(r"[A-Z]|G[\d.]+", block):
                 self._take_block(block)
         if not self.plain.isascii():
             for at in re.finditer(rb"[^\x00-\x7f]+", self.plain):
-                self._fault_at(at.start(), f"expected ASCII outside comments, got {at[0].decode('utf-8', 'replace')}")
+                self.fault_at(at.start(), f"expected ASCII outside comments, got {at[0].decode('utf-8', 'replace')}")
             self.refuse()
 
     def _take_comments(self, style: str) -> None:
@@ -65,11 +65,11 @@ class Source:
             line_end = text.index(b"\n", begin)
             closed = text.find(b")", begin, line_end) if text[begin] == ord("(") else line_end
             if closed < 0:
-                self._fault_at(begin, "the comment is not closed; end it with )")
+                self.fault_at(begin, "the comment is not closed; end it with )")
                 closed = line_end
             inside = text[begin + 1 : closed]
             if text[begin] == ord("(") and b"(" in inside:
-                self._fault_at(begin, "a comment begins within this comment; close it before")
+                self.fault_at(begin, "a comment begins within this comment; close it before")
             end = min(closed + 1, line_end)
             text[begin:end] = b" " * (end - begin)
             self.comments.append(Comment(line + 1, inside.decode("utf-8", "replace").strip()))
@@ -87,7 +87,8 @@ class Source:
                 self.plain[begin:end] = b" " * (end - begin)
             at = self.plain.find(sign, end)
 
-    def _fault_at(self, byte: int, sentence: str) -> None:
+    def fault_at(self, byte: int, sentence: str) -> None:
+        """Note a fault at a byte of the text."""
         line_begin = self.plain.rfind(b"\n", 0, byte) + 1
         self._faults.append((self.plain.count(b"\n", 0, byte) + 1, byte - line_begin + 1, sentence))
 

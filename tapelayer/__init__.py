@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tapelayer.machines.gantry import inverse
     from tapelayer.machines.machine import Machine
     from tapelayer.motion.trajectory import Trajectory
+    from tapelayer.reporting.subject import Occasion
     from tapelayer.setups.sections import read_setup
     from tapelayer.spraying.job import SprayJob
     from tapelayer.spraying.settings import SpraySetup
@@ -28,6 +29,7 @@ __all__ = [
     "Job",
     "JobResult",
     "Machine",
+    "Occasion",
     "Setup",
     "SprayJob",
     "SpraySetup",
@@ -49,6 +51,7 @@ _MODULES = {
     "Job": "laying.job",
     "JobResult": "jobs.job",
     "Machine": "machines.machine",
+    "Occasion": "reporting.subject",
     "Setup": "laying.settings",
     "SprayJob": "spraying.job",
     "SpraySetup": "spraying.settings",

@@ -77,19 +77,24 @@ def check_names(inputs: Sequence[str], outputs: Sequence[str]) -> None:
             ...
         tapelayer.errors.TargetNotWritable: ./panel.nc: is the same file as the output panel.nc; name another
     """
-    for place, output in enumerate(outputs):
-        for other, what in (*((name, "input") for name in inputs), *((name, "output") for name in outputs[:place])):
-            if _same(Path(output), Path(other)):
-                raise TargetNotWritable(f"{output}: is the same file as the {what} {other}; name another")
+    taken = {key: (name, "input") for name in inputs if (key := _identity(Path(name)))}
+    for output in outputs:
+        key = _identity(Path(output))
+        if key in taken:
+            other, what = taken[key]
+            raise TargetNotWritable(f"{output}: is the same file as the {what} {other}; name another")
+        if key:
+            taken[key] = (output, "output")
 
 
-def _same(one: Path, other: Path) -> bool:
-    """Return whether two names are one file, or would be, were they written."""
+def _identity(name: Path) -> tuple[int, int] | str:
+    """Return what names of one file share, were it written; empty for a device or a pipe."""
+    if _is_device(name):
+        return ""
     with suppress(OSError):
-        return os.path.samefile(one, other) and not _is_device(one)
-    if os.path.exists(one) or os.path.exists(other):
-        return False
-    return _folded(one) == _folded(other)
+        found = os.stat(name)
+        return found.st_dev, found.st_ino
+    return _folded(name)
 
 
 def _folded(name: Path) -> str:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import codecs
+import io
+import locale
 import os
+import re
 import signal
 import sys
 from collections.abc import Sequence
@@ -10,7 +14,8 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from tapelayer.errors import TapelayerError
+from tapelayer.errors import TapelayerError, printable
+from tapelayer.sentences import said
 
 if TYPE_CHECKING:
     import typer
@@ -20,6 +25,13 @@ INTERRUPTED = 130
 
 def main() -> None:
     """Run the command line; `serve` skips the imports of the other commands."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "0")
+    if not re.fullmatch(r"\d{1,12}", epoch):
+        # Libraries read it while they are imported, and end in a traceback.
+        _say(
+            f"SOURCE_DATE_EPOCH: expected whole seconds since 1970, got {epoch!r}; set it to such a number, or unset it"
+        )
+        sys.exit(2)
     # An interrupt within an import may end in any error, or in none.
     signal.signal(signal.SIGINT, _leave)
     command = import_module("tapelayer.workbench.command" if sys.argv[1:2] == ["serve"] else "tapelayer.cli")
@@ -45,6 +57,7 @@ def run(app: typer.Typer, arguments: Sequence[str], name: str) -> None:
         arguments: those after its name.
         name: as the user typed it.
     """
+    _make_printable()
     try:
         try:
             app(arguments, prog_name=name)
@@ -63,10 +76,33 @@ def run(app: typer.Typer, arguments: Sequence[str], name: str) -> None:
         sys.exit(2)
 
 
+def _make_printable() -> None:
+    """Let both streams take any text, in ASCII alone where the user's locale has no more.
+
+    Python writes UTF-8 in the locale C, whose terminals may not show it.
+    """
+    codecs.register_error("readable", _readable)
+    assumed = sys.flags.utf8_mode and not {"PYTHONUTF8", "PYTHONIOENCODING"} & os.environ.keys()
+    plain = assumed and codecs.lookup(locale.getencoding()).name == "ascii"
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(encoding="ascii" if plain else None, errors="readable")
+
+
+def _readable(error: UnicodeError) -> tuple[str, int]:
+    """Return characters that a stream cannot show as escapes, those of a file name that is no text as its bytes."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    shown = []
+    for sign in error.object[error.start : error.end]:
+        shown.append(rf"\x{ord(sign) - 0xDC00:02x}" if "\udc80" <= sign <= "\udcff" else ascii(sign)[1:-1])
+    return "".join(shown), error.end
+
+
 def _say(sentence: str) -> None:
-    """Write a sentence to stderr, if anyone can read it there."""
+    """Write a sentence, or several with a line each, to stderr in the user's language, if anyone can read it there."""
     with suppress(OSError):
-        sys.stderr.write(f"{sentence}\n")
+        sys.stderr.write("".join(f"{printable(line)}\n" for line in said(sentence).split("\n")))
 
 
 def _discard_stdout() -> None:

@@ -10,6 +10,18 @@ from typing import Protocol, Self
 SHOWN_FAULTS = 20
 
 
+def printable(text: str) -> str:
+    r"""Return a text for a message, with what a terminal would act on, or not show, as escapes.
+
+    Examples:
+        >>> printable("part\x1b[2J"), printable("one\ntwo")
+        ('part\\x1b[2J', 'one\\ntwo')
+    """
+    if text.isprintable():
+        return text
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
+
+
 class Travel(Protocol):
     """An axis with its travel in metres or radians, as the messages name it."""
 
@@ -78,16 +90,17 @@ class InputRefused(TapelayerError):
 
     def _text(self) -> str:
         lines = []
+        name = printable(self.name)
         for fault in self.faults[:SHOWN_FAULTS]:
-            place = self.name
+            place = name
             if fault.line:
                 place += f":{fault.line}"
             if fault.column:
                 place += f":{fault.column}"
-            lines.append(f"{place}: {fault.sentence}")
+            lines.append(f"{place}: {printable(fault.sentence)}")
         more = len(self.faults) - SHOWN_FAULTS
         if more > 0:
-            lines.append(f"{self.name}: and {more} more fault{'s' if more > 1 else ''}")
+            lines.append(f"{name}: and {more} more fault{'s' if more > 1 else ''}")
         return "\n".join(lines)
 
 
@@ -204,6 +217,10 @@ class CourseLongerThanRoll(CoursesRefused):
 
 class NothingToSpray(TapelayerError):
     """The gun can reach no part of a surface."""
+
+
+class PartBeyondReach(TapelayerError):
+    """Most of a surface lies where the gun does not reach it."""
 
 
 class NotWritable(TapelayerError):

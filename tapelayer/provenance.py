@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import re
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from importlib.metadata import version
+from typing import NamedTuple
 
-from tapelayer.errors import InputFault, ProgramOfOtherSetup
+from tapelayer.errors import InputFault, ProgramOfOtherSetup, SetupRefused
 
 VERSION = version("tapelayer")
 _SEAL = re.compile(rb"""^[^\n]*\btext[ _]sha256"?: "?([0-9a-f]{64})\b[^\n]*\n""", re.MULTILINE)
@@ -40,6 +42,41 @@ def unedited(text: bytes) -> bool:
     return hashlib.sha256(rest).hexdigest().encode("ascii") == seal[1]
 
 
+def moment(clock: float, epoch: str | None = None) -> str:
+    """Return a moment in UTC as a report states it (ISO 8601, whole seconds).
+
+    Args:
+        clock: seconds since 1970, as `time.time` gives them.
+        epoch: value of SOURCE_DATE_EPOCH, which goes before the clock so that files can be made again byte by byte
+            (https://reproducible-builds.org/specs/source-date-epoch).
+
+    Raises:
+        SetupRefused: the value is no number of seconds.
+
+    Examples:
+        >>> moment(1767225600.9), moment(0.0, "1767225600")
+        ('2026-01-01T00:00:00Z', '2026-01-01T00:00:00Z')
+    """
+    try:
+        seconds = int(clock) if epoch is None else int(epoch)
+        return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    except (ValueError, OverflowError, OSError):
+        sentence = f"expected whole seconds since 1970, got {epoch!r}; set it to such a number, or unset it"
+        raise SetupRefused("SOURCE_DATE_EPOCH", [InputFault(0, sentence)]) from None
+
+
+class NamedFile(NamedTuple):
+    """A file that went into a program.
+
+    Attributes:
+        name: base name; empty where there is no file.
+        sha256: SHA-256 of its bytes, hexadecimal.
+    """
+
+    name: str
+    sha256: str
+
+
 @dataclass(frozen=True)
 class Provenance:
     """What went into a program; never a path, never a date.
@@ -51,6 +88,7 @@ class Provenance:
         version: version of this package.
         notes: further header lines, one comment each.
         not_judged: what no verdict on the program covers.
+        more_sources: further files beside the input that went into the program.
     """
 
     source: str
@@ -59,6 +97,12 @@ class Provenance:
     version: str
     notes: tuple[str, ...] = ()
     not_judged: tuple[str, ...] = ()
+    more_sources: tuple[NamedFile, ...] = ()
+
+    @property
+    def sources(self) -> tuple[NamedFile, ...]:
+        """Return all files that went into the program, the input first."""
+        return (NamedFile(self.source, self.source_sha256), *self.more_sources)
 
     def check_setup(self, named: str, program: str) -> None:
         """Refuse a program whose header names another setup.

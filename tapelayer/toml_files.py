@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from tapelayer.errors import InputFault, InputRefused
+from tapelayer.text import plain_text
 
 # Keys with many dots and numbers with very many digits exhaust the memory and time of a TOML parser.
 MOST_BYTES = 1 << 18
@@ -20,7 +21,7 @@ def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict
     r"""Return the table of a TOML file, and its text.
 
     Args:
-        data: the file's bytes, with or without a byte order mark.
+        data: the file's bytes.
         name: the file as the user named it.
         refused: error to raise with the file's faults.
 
@@ -40,7 +41,7 @@ def read_toml(data: bytes, name: str, refused: type[InputRefused]) -> tuple[dict
             name, [InputFault(0, f"has {len(data)} bytes, expected at most {MOST_BYTES}; is it the right file?")]
         )
     try:
-        text = data.decode("utf-8-sig")
+        text = plain_text(data, name, refused).decode()
     except UnicodeDecodeError as error:
         raise refused(name, [InputFault(0, f"byte {error.start} is not UTF-8; save the file as UTF-8")]) from None
     # Only LF ends a line of TOML.
@@ -73,28 +74,38 @@ def toml_text(tables: Mapping[str, Mapping[str, Any]]) -> str:
         urdf = "gantry.urdf"
         limits_mm.x = [0.0, 2500.0]
     """
-    blocks = ["".join([f"[{_key(name)}]\n", *_lines(table, "")]) for name, table in tables.items()]
+    blocks = ["".join([f"[{toml_key(name)}]\n", *_lines(table, "")]) for name, table in tables.items()]
     return "\n".join(blocks)
 
 
 def _lines(table: Mapping[str, Any], prefix: str) -> Iterator[str]:
     for key, value in table.items():
         if isinstance(value, Mapping) and value:
-            yield from _lines(value, f"{prefix}{_key(key)}.")
+            yield from _lines(value, f"{prefix}{toml_key(key)}.")
         else:
-            yield f"{prefix}{_key(key)} = {_value(value)}\n"
+            yield f"{prefix}{toml_key(key)} = {toml_value(value)}\n"
 
 
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
+def toml_key(key: str) -> str:
+    """Return a key as TOML, quoted where it must be.
+
+    >>> toml_key("width_mm"), toml_key("a b")
+    ('width_mm', '"a b"')
+    """
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else toml_value(key)
 
 
-def _value(value: object) -> str:
+def toml_value(value: object) -> str:
+    """Return a string, number, boolean, list of them or empty table as TOML.
+
+    >>> toml_value([0.0, 2500.0]), toml_value("a")
+    ('[0.0, 2500.0]', '"a"')
+    """
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
         # JSON's escapes are TOML's, except that JSON does not escape this one control character.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, list):
-        return f"[{', '.join(map(_value, value))}]"
+        return f"[{', '.join(map(toml_value, value))}]"
     return "{}" if isinstance(value, Mapping) else repr(value)

@@ -1,11 +1,15 @@
-"""Units: one millimetre in metres and one degree in radians."""
+"""Units: millimetres, degrees and the units that a file may be in, in metres and radians."""
 
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 MM = 1e-3
 DEG = math.pi / 180.0
+
+Unit = Literal["mm", "cm", "m", "in"]
+METRES: dict[Unit, float] = {"mm": MM, "cm": 1e-2, "m": 1.0, "in": 25.4 * MM}
 
 
 def json_number(value: float) -> float | None:

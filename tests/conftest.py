@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -16,9 +17,14 @@ from tests.helpers.paths import SHARED
 # LinuxCNC's own Python runs these.
 collect_ignore = ["post/linuxcnc"]
 
+# Every program that the tests start judges at this moment and speaks English, so that its reports are the same bytes.
+os.environ |= {"SOURCE_DATE_EPOCH": "1767225600", "LC_ALL": "C.UTF-8"}
+
 # A slow machine is no fault of the code: no example has to be done in a given time.
 settings.register_profile("project", deadline=None)
 settings.load_profile("project")
+# What a command says depends on the locale.
+os.environ["LC_ALL"] = "C.UTF-8"
 
 
 @pytest.fixture(scope="session")

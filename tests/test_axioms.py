@@ -21,6 +21,7 @@ from tapelayer.jobs.kinds import KindName
 from tapelayer.machines import gantry, wrist
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Kind, Trajectory
+from tapelayer.reporting.subject import Occasion
 from tests.helpers.kinds import KINDS, job_of_kind, judged, made, planned_of
 from tests.helpers.machines import sprayer, tape_layer
 from tests.helpers.paths import ROOT
@@ -131,7 +132,7 @@ def test_the_same_input_gives_the_same_bytes(kind: KindName) -> None:
     assert first.failure is None and len(first.text) > 1000
     assert first.text == second.text
     assert json.dumps(first.report()) == json.dumps(second.report())
-    assert first.page("program.nc") == second.page("program.nc")
+    assert first.page(Occasion("program.nc")) == second.page(Occasion("program.nc"))
 
 
 def documented(document: str, heading: str) -> set[str]:

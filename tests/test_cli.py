@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from tapelayer.jobs.kinds import NAMES, kind_of
 from tapelayer.laying.settings import Setup
-from tapelayer.provenance import unedited
-from tapelayer.setups.sections import default_text
+from tapelayer.provenance import VERSION, unedited
+from tapelayer.setups.sections import whole_text
 from tests.helpers.paths import ROOT
 from urdf import TAPELAYER
 
@@ -86,7 +87,11 @@ def test_quiet_says_nothing_and_verbose_every_step(tmp_path: Path) -> None:
 def test_a_limit_is_one_sentence_and_nothing_is_written(tmp_path: Path) -> None:
     done = run("export", EXAMPLES / "wing_skin_45.txt", cwd=tmp_path, expect=2)
     lines = done.stderr.splitlines()
-    assert lines[0] == ("course 15 point 92: axis c would be at 45.101 deg, beyond its bound 30 deg (travel -30 to 30)")
+    name = EXAMPLES / "wing_skin_45.txt"
+    assert lines[0] == (
+        f"{name}: course 15 point 92: axis c would be at 45.101 deg, beyond its bound 30 deg (travel -30 to 30)"
+    )
+    assert lines[1].startswith(f"{name}: ")
     assert "limits_deg = {c = [-180, 180], a = [-30, 30]}" in lines[1]
     assert len(lines) == 2
     assert names(tmp_path) == set()
@@ -137,8 +142,14 @@ def test_another_course_file_is_said_and_judged(tmp_path: Path) -> None:
         (("verify", "none.nc", FLAT), "none.nc: cannot be read: no such file or directory"),
         (("export", FLAT, "--setup", "none.toml"), "none.toml: cannot be read: no such file or directory"),
         (("export", FLAT, "-o", "none/a.nc"), "none/a.nc: cannot be written: no such file or directory"),
-        (("export", FLAT, "--kinematics", "exact"), "[process] kinematics: input should be 'roller' or 'published'"),
-        (("export", FLAT, "--controller", "fanuc"), "fanuc"),
+        (
+            ("export", FLAT, "--kinematics", "exact"),
+            "--kinematics: input should be 'roller' or 'published', got 'exact'",
+        ),
+        (
+            ("export", FLAT, "--controller", "fanuc"),
+            "there are generic5, jb3208, linuxcnc, linuxcnc_remap, sinumerik840d;",
+        ),
         (("machine", "--setup", "bad.toml"), "no axis 'w'; the axes are x, y, z, c, a, u, v, d, q, e"),
         (("export", FLAT, "--setup", "urdf.toml"), "none.urdf"),
     ],
@@ -175,7 +186,7 @@ def test_the_papers_form_is_reported_loudly(tmp_path: Path) -> None:
 
 
 def test_setup_prints_the_commented_default(tmp_path: Path) -> None:
-    assert run("setup", cwd=tmp_path).stdout == default_text(Setup, "Setup of a tape-laying job")
+    assert run("setup", cwd=tmp_path).stdout == whole_text(Setup(), "Setup of a tape-laying job")
 
 
 def test_machine_controllers_and_inspect_show_what_there_is(tmp_path: Path) -> None:
@@ -183,6 +194,16 @@ def test_machine_controllers_and_inspect_show_what_there_is(tmp_path: Path) -> N
     assert "jb3208" in run("controllers", cwd=tmp_path).stdout
     shown = run("inspect", FLAT, cwd=tmp_path).stdout
     assert "7 courses, 259 points, 6.300 m of tape laid" in shown
+
+
+def test_machine_shows_either_kind_and_knows_it_by_its_setup(tmp_path: Path) -> None:
+    sprayer = run("machine", "--kind", "spray", cwd=tmp_path).stdout
+    for axis in ("x", "y", "z", "theta", "phi"):
+        assert f" {axis} " in sprayer
+    (tmp_path / "s.toml").write_text("[footprint]\nrate_mm3_per_s = 100\n")
+    assert run("machine", "--setup", "s.toml", cwd=tmp_path).stdout == sprayer
+    refused = run("machine", "--setup", "s.toml", "--kind", "lay", cwd=tmp_path, expect=2)
+    assert refused.stderr == "s.toml: this is a spraying setup: tapelayer spray MODEL.stl --setup s.toml\n"
 
 
 def test_demo_leaves_program_report_and_page(tmp_path: Path) -> None:
@@ -284,3 +305,195 @@ def test_an_interrupt_at_any_moment_leaves_nothing(tmp_path: Path, seconds: floa
     # Nothing, or the whole program: the signal may come when it is saved already.
     assert names(tmp_path) <= {"flat_panel_00.nc"} and (started.returncode or names(tmp_path))
     assert all(unedited((tmp_path / name).read_bytes()) for name in names(tmp_path))
+
+
+def test_several_course_files_become_a_program_each(tmp_path: Path) -> None:
+    """A faulty one stops only itself, each has a line, and the exit code is the worst."""
+    (tmp_path / "bad.txt").write_text("1\nstart\n")
+    sources = [FLAT, "bad.txt", EXAMPLES / "cylinder_panel_15.txt", EXAMPLES / "wing_skin_45.txt"]
+    everything = ("-o", "out", "--report", "out", "--html", "pages")
+    done = run("export", *sources, *everything, cwd=tmp_path, expect=2)
+    assert [line.split(": ")[0] for line in done.stdout.splitlines()] == [
+        "out/flat_panel_00.nc",
+        "out/cylinder_panel_15.nc",
+    ]
+    assert {line.split(":")[0] for line in done.stderr.splitlines()} == {"bad.txt", str(EXAMPLES / "wing_skin_45.txt")}
+    made = {"flat_panel_00", "cylinder_panel_15"}
+    assert names(tmp_path / "out") == {f"{stem}.{ending}" for stem in made for ending in ("nc", "json")}
+    assert names(tmp_path / "pages") == {f"{stem}.html" for stem in made}
+    run("export", FLAT, "-o", "alone/", "--report", "alone/", "--quiet", cwd=tmp_path)
+    for name in ("flat_panel_00.nc", "flat_panel_00.json"):
+        assert (tmp_path / "alone" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
+    run("export", FLAT, "-o", "pages", "--quiet", cwd=tmp_path)
+    assert "flat_panel_00.nc" in names(tmp_path / "pages")
+
+
+def test_a_program_that_fails_among_several_has_exit_code_1(tmp_path: Path) -> None:
+    (tmp_path / "tilt.toml").write_text("[verification]\nmax_roller_tilt_deg = 1\n")
+    cylinder = EXAMPLES / "cylinder_panel_15.txt"
+    options = ("--kinematics", "published", "--setup", "tilt.toml", "--json")
+    done = run("export", cylinder, FLAT, *options, cwd=tmp_path, expect=1)
+    assert all(line.startswith((f"{cylinder}: ", "flat_panel_00.nc: ")) for line in done.stderr.splitlines())
+    reports = json.loads(done.stdout)
+    assert {name: report["passed"] for name, report in reports.items()} == {str(cylinder): False, str(FLAT): True}
+    assert names(tmp_path) == {"tilt.toml", "flat_panel_00.nc"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("-o", "file"), "-o file: is no folder; several programs go to a folder, name one"),
+        (("-o", "-"), "-o -: is no folder; several programs go to a folder, name one"),
+        (("--html", "file"), "--html file: is no folder; several programs go to a folder, name one"),
+        (("sub/a.txt",), "sub/a.txt: its program would have the name of that of a.txt, a.nc; give them one by one"),
+        (("b.nc",), "b.nc: is the same file as the input b.nc; name another"),
+        (("a.txt",), "a.txt: its program would have the name of that of a.txt, a.nc; give them one by one"),
+        (("-o", "file/sub"), "file/sub: cannot be made a folder: not a directory; name another by -o"),
+    ],
+)
+def test_names_of_several_are_checked_before_any_work(
+    tmp_path: Path, arguments: tuple[str, ...], sentence: str
+) -> None:
+    (tmp_path / "sub").mkdir()
+    for name in ("a.txt", "c.txt", "b.nc", "sub/a.txt"):
+        (tmp_path / name).write_bytes(FLAT.read_bytes())
+    (tmp_path / "file").write_text("mine")
+    before = names(tmp_path)
+    done = run("export", "a.txt", "c.txt", *arguments, cwd=tmp_path, expect=2)
+    assert set(done.stderr.splitlines()) == {sentence}
+    assert done.stdout == ""
+    assert names(tmp_path) == before and names(tmp_path / "sub") == {"a.txt"}
+
+
+def test_json_alone_stands_on_stdout(tmp_path: Path) -> None:
+    done = run("export", FLAT, "--json", "--report", "a.json", cwd=tmp_path)
+    assert done.stdout == (tmp_path / "a.json").read_text()
+    assert "blocks, verified" in done.stderr
+    again = run("verify", "flat_panel_00.nc", FLAT, "--json", "--quiet", cwd=tmp_path)
+    assert (again.stdout, again.stderr) == (done.stdout, "")
+    refused = run("export", FLAT, "--json", "-o", "-", cwd=tmp_path, expect=2)
+    assert refused.stderr == "--json: the program goes to stdout already, by -o -; leave one of them out\n"
+
+
+def test_help_shows_the_defaults_of_the_setups_and_no_type(tmp_path: Path) -> None:
+    lay, spray = ({"output": kind_of(name).setup.model_validate({}).output.controller} for name in NAMES)
+    process = Setup().process
+    pages = {name: run(name, "--help", cwd=tmp_path).stdout for name in ("export", "spray", "verify", "serve", "setup")}
+    assert f"[default: {lay['output']}]" in pages["export"]
+    assert f"[default: {process.kinematics}]" in pages["export"]
+    assert f"[default: {spray['output']}]" in pages["spray"]
+    passes = kind_of("spray").setup.model_validate({}).model_dump()["spray"]
+    assert f"[default: {passes['direction_deg']:g}]" in pages["spray"]
+    assert f"[default: {passes['pitch_mm']:g}]" in pages["spray"]
+    for page in (*pages.values(), run("--help", cwd=tmp_path).stdout):
+        assert "<bool>" not in page and "<str>" not in page
+
+
+def test_brackets_in_a_name_are_no_markup(tmp_path: Path) -> None:
+    name = "[bold]panel[x].txt"
+    (tmp_path / name).write_bytes(FLAT.read_bytes())
+    assert name in run("inspect", name, cwd=tmp_path).stdout
+    assert "[bold]panel[x].nc: 125 blocks, verified" in run("export", name, cwd=tmp_path).stdout
+
+
+def test_version(tmp_path: Path) -> None:
+    assert run("--version", cwd=tmp_path).stdout == f"tapelayer {VERSION}\n"
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_scripts_are_shown_and_installed(tmp_path: Path, shell: str) -> None:
+    environment = HERE | {"_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1", "HOME": str(tmp_path)}
+    command = [sys.executable, "-c", "from tapelayer.dispatch import main; main()"]
+    for option in ("--show-completion", "--install-completion"):
+        done = subprocess.run(
+            [*command, option, shell], env=environment, capture_output=True, text=True, timeout=60, check=False
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+        assert shell in done.stdout or "_TAPELAYER_COMPLETE" in done.stdout
+    assert any("_TAPELAYER_COMPLETE" in path.read_text() for path in tmp_path.rglob("*") if path.is_file())
+
+
+@pytest.mark.parametrize(
+    ("variables", "offered"),
+    [
+        ({"_TAPELAYER_COMPLETE": "complete_bash", "COMP_WORDS": "tapelayer ex", "COMP_CWORD": "1"}, {"export"}),
+        (
+            {"_TAPELAYER_COMPLETE": "complete_bash", "COMP_WORDS": "tapelayer spray --unit ", "COMP_CWORD": "3"},
+            {"mm", "cm", "m", "in"},
+        ),
+        (
+            {
+                "_TAPELAYER_COMPLETE": "complete_fish",
+                "_TYPER_COMPLETE_ARGS": "tapelayer export --controller jb",
+                "_TYPER_COMPLETE_FISH_ACTION": "get-args",
+            },
+            {"jb3208"},
+        ),
+    ],
+)
+def test_shells_complete_commands_and_values(variables: dict[str, str], offered: set[str]) -> None:
+    command = [sys.executable, "-c", "from tapelayer.dispatch import main; main()"]
+    done = subprocess.run(command, env=HERE | variables, capture_output=True, text=True, timeout=60, check=False)
+    assert set(done.stdout.split()) == offered
+
+
+@pytest.mark.parametrize(
+    "arguments", [("--help",), ("export", "--help"), ("controllers",), ("exprt",), ("inspect", FLAT)]
+)
+def test_the_locale_c_gets_ascii_from_every_command(tmp_path: Path, arguments: tuple[object, ...]) -> None:
+    plain = {
+        name: value for name, value in HERE.items() if not name.startswith(("LC_", "LANG", "PYTHONUTF8", "PYTHONIO"))
+    }
+    command = [sys.executable, "-c", "from tapelayer.dispatch import main; main()", *map(str, arguments)]
+    environment = plain | {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, timeout=60, check=False)
+    assert (done.stdout + done.stderr).isascii() and b"---" in done.stdout + done.stderr
+    utf8 = subprocess.run(
+        command, cwd=tmp_path, env=plain | {"LC_ALL": "C.UTF-8"}, capture_output=True, timeout=60, check=False
+    )
+    assert not (utf8.stdout + utf8.stderr).isascii()
+
+
+@pytest.mark.parametrize("locale", ["C", "C.UTF-8"])
+def test_a_file_name_that_is_no_text_is_shown_by_its_bytes(tmp_path: Path, locale: str) -> None:
+    command = [sys.executable, "-c", "from tapelayer.dispatch import main; main()", "export"]
+    environment = HERE | {"LC_ALL": locale}
+    (tmp_path / os.fsdecode(b"p\xe7.txt")).write_bytes(FLAT.read_bytes())
+    for name, words in (
+        (b"n\xe7.txt", b"n\\xe7.txt: cannot be read"),
+        (b"p\xe7.txt", b"p\\xe7.nc: 125 blocks, verified"),
+    ):
+        done = subprocess.run(
+            [*map(os.fsencode, command), name],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            timeout=60,
+            check=False,
+        )
+        assert words in done.stdout + done.stderr
+
+
+def test_the_language_is_the_locales_unless_an_option_says_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page and the table are in one language; the JSON report is the same bytes in both."""
+    outputs = ("-o", "a.nc", "--report", "a.json", "--html", "a.html")
+    monkeypatch.setenv("LC_ALL", "zh_CN.UTF-8")
+    chinese = run("export", FLAT, *outputs, cwd=tmp_path).stdout
+    assert "校验：合格" in chinese and 'lang="zh-CN"' in (tmp_path / "a.html").read_text("utf-8")
+    told = (tmp_path / "a.json").read_bytes()
+    assert json.loads(told)["subject"]["judged_at"] == "2026-01-01T00:00:00Z"
+    english = run("export", FLAT, *outputs, "--language", "en", cwd=tmp_path).stdout
+    assert "Verification: passed" in english and 'lang="en"' in (tmp_path / "a.html").read_text("utf-8")
+    assert (tmp_path / "a.json").read_bytes() == told
+
+
+@pytest.mark.parametrize("epoch", ["yesterday", "", "1e9", "9" * 30])
+def test_a_moment_that_is_none_is_refused_before_any_work(tmp_path: Path, epoch: str) -> None:
+    command = [sys.executable, "-c", "from tapelayer.dispatch import main; main()", "export", str(FLAT)]
+    environment = HERE | {"SOURCE_DATE_EPOCH": epoch}
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, check=False)
+    sentence = f"expected whole seconds since 1970, got {epoch!r}; set it to such a number, or unset it"
+    assert (done.returncode, done.stderr) == (2, f"SOURCE_DATE_EPOCH: {sentence}\n")
+    assert not names(tmp_path)

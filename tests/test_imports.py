@@ -19,14 +19,17 @@ FILES = sorted(path for package in OURS for path in (ROOT / package).rglob("*.py
 # A room imports from those of the floors above it and from itself; rooms of one floor do not know each other.
 FLOORS = (
     ("urdf",),
-    ("tapelayer.errors", "tapelayer.units", "tapelayer.arrays", "tapelayer.progress"),
+    ("tapelayer.errors", "tapelayer.units", "tapelayer.arrays", "tapelayer.progress", "tapelayer.language"),
+    ("tapelayer.sentences",),
     (
         "tapelayer.vectors",
         "tapelayer.provenance",
-        "tapelayer.toml_files",
+        "tapelayer.text",
         "tapelayer.atomic_files",
         "tapelayer.dispatch",
+        "tapelayer.command_help",
     ),
+    ("tapelayer.toml_files",),
     ("tapelayer.geometry",),
     ("tapelayer.machines",),
     ("tapelayer.motion",),

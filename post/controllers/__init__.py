@@ -31,9 +31,10 @@ def load(name_or_path: str) -> Controller:
     if name_or_path in names():
         return _built_in(name_or_path)
     if not re.search(r"\.toml$|[/\\]", name_or_path):
-        near = difflib.get_close_matches(name_or_path, names(), 1, 0.4)
-        advice = f"did you mean {near[0]}?" if near else f"there are {', '.join(names())}"
-        sentence = f"is not a built-in controller; {advice} A table of your own is named by its path, ending in .toml"
+        near = difflib.get_close_matches(name_or_path, names(), 1, 0.7)
+        meant = f"did you mean {near[0]}? " if near else ""
+        advice = f"{meant}there are {', '.join(names())}; a table of your own is named by its path, ending in .toml"
+        sentence = f"is not a built-in controller; {advice}"
         raise ControllerRefused(name_or_path, [InputFault(0, sentence)])
     try:
         data = Path(name_or_path).read_bytes()

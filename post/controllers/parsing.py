@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 import re
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,14 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from post.controllers.table import AxisWord, Controller
+from post.controllers.contradictions import contradictions
+from post.controllers.table import EXPECTED, AxisWord, Controller
 from tapelayer.errors import ControllerRefused, InputFault
 from tapelayer.motion.trajectory import Event
 from tapelayer.toml_files import read_toml
+
+# What the file itself gives, and no key of it may.
+GIVEN = {"name": "the file's name is the name", "sha256": "the file's bytes have one of their own"}
 
 
 def parse(data: bytes, path: str) -> Controller:
@@ -23,24 +28,28 @@ def parse(data: bytes, path: str) -> Controller:
         ControllerRefused: not TOML, unknown keys (with the nearest known one), or impossible values; all at once.
     """
     table, text = read_toml(data, path, ControllerRefused)
-    if "name" in table:
+    taken = [key for key in GIVEN if key in table]
+    if taken:
         raise ControllerRefused(
-            path, [InputFault(_line(text, ("name",)), "unknown key name; the file's name is the name")]
+            path, [InputFault(_line(text, (key,)), f"unknown key {key}; {GIVEN[key]}") for key in taken]
         )
     try:
-        return Controller.model_validate({"name": Path(path).stem, **table})
+        given = {"name": Path(path).stem, "sha256": hashlib.sha256(data).hexdigest()}
+        controller = Controller.model_validate({**given, **table})
     except ValidationError as error:
-        faults = {fault for detail in error.errors() for fault in _worded(text, detail)}
+        faults = {_worded(text, detail) for detail in error.errors()}
         raise ControllerRefused(path, sorted(faults, key=lambda fault: (fault.line, fault.sentence))) from None
+    # The sentences begin with the place they refer to.
+    sentences = dict.fromkeys(contradictions(controller))
+    faults = {InputFault(_line(text, tuple(sentence.split(":")[0].split("."))), sentence) for sentence in sentences}
+    if faults:
+        raise ControllerRefused(path, sorted(faults, key=lambda fault: (fault.line, fault.sentence)))
+    return controller
 
 
-def _worded(text: str, detail: ErrorDetails) -> list[InputFault]:
-    """Return the faults of one validation error, in a sentence each."""
+def _worded(text: str, detail: ErrorDetails) -> InputFault:
+    """Return one validation error as a fault."""
     place = detail["loc"]
-    if not place:
-        # The lint's own sentences begin with the place they refer to.
-        sentences = detail["msg"].removeprefix("Value error, ").splitlines()
-        return [InputFault(_line(text, tuple(sentence.split(":")[0].split("."))), sentence) for sentence in sentences]
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
     if detail["type"] == "extra_forbidden" or place[-1] == "[key]":
         known = _known(place)
@@ -52,8 +61,10 @@ def _worded(text: str, detail: ErrorDetails) -> list[InputFault]:
     else:
         message, shown = detail["msg"], repr(detail["input"])
         shown = shown if len(shown) <= 40 else shown[:37] + "..."
+        if detail["type"] == "string_pattern_mismatch":
+            message = f"expected {EXPECTED[detail['ctx']['pattern']]}"
         sentence = f"{where}: {message[0].lower()}{message[1:]}, got {shown}"
-    return [InputFault(_line(text, place), sentence)]
+    return InputFault(_line(text, place), sentence)
 
 
 def _known(place: tuple[int | str, ...]) -> list[str]:
@@ -69,7 +80,7 @@ def _known(place: tuple[int | str, ...]) -> list[str]:
         if isinstance(part, str):
             annotation = model.model_fields[part].annotation
             model = AxisWord if part == "axes" else annotation
-    return [name for name in model.model_fields if (name, model) != ("name", Controller)]
+    return [name for name in model.model_fields if model is not Controller or name not in GIVEN]
 
 
 def _line(text: str, place: tuple[int | str, ...]) -> int:

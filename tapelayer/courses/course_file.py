@@ -1,9 +1,9 @@
 """Course files, the paper's Table 3: bytes to courses and back; no other module knows the format.
 
 A file holds courses one after another. A course is its number, `start`, the cut angle (or one for the start and one for
-the end) in degrees, a line `x y z nx ny nz l` per point (mm in the part's frame, normal, arc length in mm), and `end`.
-Text after `#` on a line is a comment in any encoding that keeps ASCII; keywords may be in any case; lines end with LF,
-CRLF or CR.
+the end) in degrees, a line `x y z nx ny nz l` per point (in the part's frame, normal, arc length), and `end`. Lengths
+are in mm unless the reader is told another unit.
+Text after `#` on a line is a comment in any encoding; keywords may be in any case; lines end with LF, CRLF or CR.
 """
 
 from __future__ import annotations
@@ -21,13 +21,14 @@ from tapelayer.courses.course import Course
 from tapelayer.courses.fast_numbers import NeedsCare, values_of_words
 from tapelayer.courses.fault_finding import careful_table
 from tapelayer.courses.normal_check import NormalCheck
-from tapelayer.courses.table import LONGEST_LINE, CourseTable, TableSteps, cut_angle, from_mm
-from tapelayer.errors import CourseFileRefused, InputFault
+from tapelayer.courses.table import LONGEST_LINE, CourseTable, TableSteps, cut_angle, from_mm, in_mm
+from tapelayer.errors import CourseFileRefused
+from tapelayer.text import plain_text
+from tapelayer.units import METRES, MM, Unit
 
 _BATCH = 1 << 18  # bytes of numbers processed at once, so that they stay in a core's cache
-_MARKS = (b"\xef\xbb\xbf", b"\x84\x31\x95\x33")  # the byte order mark in UTF-8 and in GB18030
 # Older C libraries print non-numbers as 1.#QNAN, -1.#IND or 1.#INF, where # begins no comment.
-_COMMENT = re.compile(rb"(?<![0-9]\.)#[^\r\n]*")
+_COMMENT = re.compile(rb"(?<![0-9]\.)#[^\n]*")
 _HEAD = re.compile(
     rb"[ \t\n]*([0-9]{1,9})[ \t]*\n[ \t\n]*start[ \t]*\n[ \t\n]*([-+.0-9e]+)(?:[ \t]+([-+.0-9e]+))?[ \t]*\n"
 )
@@ -35,8 +36,12 @@ _TAIL = re.compile(rb"end[ \t]*(?:\n|\Z)")
 _CAPITALS = (b"S", b"T", b"A", b"R", b"E", b"N", b"D")
 
 
-def read_courses(path: Path | str) -> tuple[Course, ...]:
+def read_courses(path: Path | str, unit: Unit = "mm") -> tuple[Course, ...]:
     """Read the courses of a file, in file order: points and arc lengths in metres in the part's frame, unit normals.
+
+    Args:
+        path: the file.
+        unit: of its lengths.
 
     Raises:
         CourseFileRefused: the file cannot be read or is not a course file; all faults at once.
@@ -45,18 +50,17 @@ def read_courses(path: Path | str) -> tuple[Course, ...]:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        raise CourseFileRefused(
-            name, [InputFault(0, f"cannot be read: {(error.strerror or str(error)).lower()}")]
-        ) from None
-    return parse_courses(data, name)
+        raise CourseFileRefused.unreadable(name, error) from None
+    return parse_courses(data, name, unit)
 
 
-def parse_courses(data: bytes, name: str) -> tuple[Course, ...]:
+def parse_courses(data: bytes, name: str, unit: Unit = "mm") -> tuple[Course, ...]:
     r"""Return the courses in the bytes of a file, as `read_courses`.
 
     Args:
         data: the file's bytes.
         name: the file as the user named it, for messages.
+        unit: of its lengths; messages give them in mm.
 
     Raises:
         CourseFileRefused: as `read_courses`.
@@ -68,11 +72,14 @@ def parse_courses(data: bytes, name: str) -> tuple[Course, ...]:
         >>> [round(math.degrees(angle), 6) for angle in course.cut_angles]
         [45.0, 45.0]
     """
-    text = _plain(data)
+    text = plain_text(data, name, CourseFileRefused)
+    if b"#" in text:
+        text = _COMMENT.sub(b"", text)
+    scale = METRES[unit] / MM
     try:
-        return _courses(quick_table(text))
+        return _courses(quick_table(text, scale))
     except NeedsCare:
-        return _courses(careful_table(text, data, name))
+        return _courses(careful_table(text, name, scale))
 
 
 def format_courses(courses: Iterable[Course]) -> bytes:
@@ -144,19 +151,12 @@ def _as_written(values: Floats, estimate: Floats, read: Callable[[Floats], Float
     return written
 
 
-def _plain(data: bytes) -> bytes:
-    """Return the file without mark and comments, lines ended by LF, line numbers unchanged."""
-    for mark in _MARKS:
-        data = data.removeprefix(mark)
-    if b"#" in data:
-        data = _COMMENT.sub(b"", data)
-    if b"\r" in data:
-        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return data
-
-
-def quick_table(text: bytes) -> CourseTable:
+def quick_table(text: bytes, scale: float = 1.0) -> CourseTable:
     r"""Return the table of a good file, finding keywords by search and numbers by a few array operations per batch.
+
+    Args:
+        text: of the file, without comments.
+        scale: millimetres in the unit of its lengths.
 
     Raises:
         NeedsCare: the file has a fault, or something that only the careful reader can judge.
@@ -192,7 +192,7 @@ def quick_table(text: bytes) -> CourseTable:
     if not numbers or min(numbers) < 1 or text[at:].strip(b" \t\n") or len(set(numbers)) < len(numbers):
         raise NeedsCare
     _add_batch(batch, counts, rows)
-    all_rows = np.concatenate(rows)
+    all_rows = in_mm(np.concatenate(rows), scale)
     if not np.all(np.isfinite(all_rows)):
         raise NeedsCare
     table = CourseTable(numbers, cut_angles, np.concatenate(counts), all_rows, np.ones(len(all_rows), dtype=np.bool_))

@@ -10,7 +10,17 @@ from codecs import getincrementaldecoder
 import numpy as np
 
 from tapelayer.courses.normal_check import NormalCheck
-from tapelayer.courses.table import CHORD_SHARE, CHORD_SLACK, LONGEST_LINE, NUMBER, CourseTable, TableSteps, cut_angle
+from tapelayer.courses.separators import Separators, separators_of
+from tapelayer.courses.table import (
+    CHORD_SHARE,
+    CHORD_SLACK,
+    LONGEST_LINE,
+    NUMBER,
+    CourseTable,
+    TableSteps,
+    cut_angle,
+    in_mm,
+)
 from tapelayer.errors import CourseFileRefused, InputFault
 from tapelayer.vectors import ramp
 
@@ -23,42 +33,45 @@ _CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _COURSE_NUMBER = re.compile(rb"(?=0*[1-9])[0-9]{1,9}")
 
 
-def careful_table(text: bytes, data: bytes, name: str) -> CourseTable:
+def careful_table(text: bytes, name: str, scale: float = 1.0) -> CourseTable:
     r"""Return the table of any file, read one line at a time.
+
+    Args:
+        text: of the file, without comments.
+        name: the file as the user named it.
+        scale: millimetres in the unit of its lengths.
 
     Raises:
         CourseFileRefused: with every fault.
 
     Examples:
         >>> text = b"1\nstart\n200\n0 0 0 0 0 1 0\n100 0 0 0 0 1\nend\n"
-        >>> careful_table(text, text, "one.txt")
+        >>> careful_table(text, "one.txt")
         Traceback (most recent call last):
             ...
         tapelayer.errors.CourseFileRefused: one.txt:3: course 1: expected the cut angle in degrees, or ...
     """
-    if faults := _no_text(text, data):
+    if faults := _no_text(text):
         raise CourseFileRefused(name, faults)
-    reader = _Reader(text)
+    spelling = separators_of(text)
+    reader = _Reader(text if spelling is None else spelling.respelt(text))
+    if spelling is not None:
+        reader.faults.append(_of_spelling(text, spelling))
     try:
         reader.read()
     except _Hopeless:
         raise CourseFileRefused(name, reader.faults) from None
-    table = reader.table()
+    table = reader.table(scale)
     faults = sorted([*reader.faults, *_geometric_faults(table, reader)], key=lambda fault: fault.line)
     if faults:
         raise CourseFileRefused(name, faults)
     return table
 
 
-def _no_text(text: bytes, data: bytes) -> list[InputFault]:
+def _no_text(text: bytes) -> list[InputFault]:
     """Return the faults that keep a file from being read by lines at all."""
-    if not data:
+    if not text:
         return [InputFault(0, "the file is empty; export the courses again")]
-    sample = data[:256]
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")) or (
-        sample.strip(b"\0") and len(sample) > 3 and not (any(sample[1::2]) and any(sample[::2]))
-    ):
-        return [InputFault(0, "the file is in UTF-16 or UTF-32; save it as UTF-8 or plain ASCII")]
     if control := _CONTROL.search(text):
         line = text.count(b"\n", 0, control.start()) + 1
         return [
@@ -73,6 +86,13 @@ def _no_text(text: bytes, data: bytes) -> list[InputFault]:
         for line, content in enumerate(text.split(b"\n"), start=1)
         if len(content) > LONGEST_LINE
     ]
+
+
+def _of_spelling(text: bytes, spelling: Separators) -> InputFault:
+    """Return the one fault of all lines that are spelt in another way."""
+    lines = [row for row, line in enumerate(text.split(b"\n"), 1) if line.translate(None, spelling.signs) != line]
+    more = f" (on {len(lines)} lines)" if len(lines) > 1 else ""
+    return InputFault(lines[0], f"{spelling.fault}{more}; {spelling.remedy}")
 
 
 def _quote(text: bytes) -> str:
@@ -127,9 +147,9 @@ class _Reader:
             if at < len(self.lines):
                 at = self._course(at)
 
-    def table(self) -> CourseTable:
-        """Return the table read so far; rows that could not be read are NaN."""
-        rows = np.frombuffer(self.rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
+    def table(self, scale: float) -> CourseTable:
+        """Return the table read so far, from lengths of `scale` millimetres; rows that could not be read are NaN."""
+        rows = in_mm(np.frombuffer(self.rows, dtype=np.float64).reshape(-1, len(_COLUMNS)), scale)
         readable = ~np.any(~np.isfinite(rows), axis=1)
         return CourseTable(self.numbers, self.cut_angles, np.array(self.counts, dtype=np.int64), rows, readable)
 

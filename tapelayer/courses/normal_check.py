@@ -16,6 +16,8 @@ from tapelayer.vectors import dot
 # steps of 1 mm, of the examples and of 400 random plies stay within that sum; off the chords' perpendicular they stand
 # at most 1.1 deg more than the chords turn. The rest of the margin is for few decimals and for normals of facets.
 MARGIN_DEG = 3.0
+# Degrees from normal to normal that no crease turns: one of the two points into the surface.
+OPPOSED_DEG = 170.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +25,7 @@ class NormalCheck:
     """The normals of a table against their neighbours and against the chords beside them.
 
     Attributes:
+        turns: (n,) angle from the normal of the point before, degrees; 0 where there is none.
         excess: (n,) half of what the normal turns away from its neighbours and back, degrees; 0 where not judged.
         apart: (n,) angle between the neighbours' normals, degrees.
         lean: (n,) larger angle of the normal off the perpendiculars of the chords beside it, degrees; 0 where not
@@ -30,14 +33,17 @@ class NormalCheck:
         bend: (n,) largest turn of the chords at the point and its neighbours, degrees.
         turning: (n,) the normal turns against both neighbours by more than the surface can.
         leaning: (n,) the normal stands off the chords' perpendicular by more than the chords turn.
+        opposed: (n,) the normal points to the other side of the surface than that of the point before.
     """
 
+    turns: Floats
     excess: Floats
     apart: Floats
     lean: Floats
     bend: Floats
     turning: Mask
     leaning: Mask
+    opposed: Mask
 
     @classmethod
     def of(cls, table: CourseTable, steps: TableSteps) -> NormalCheck | None:
@@ -90,12 +96,14 @@ class NormalCheck:
         known = _nearby(judged) > 0.0
         lean = np.where(known, np.maximum(_before(leans[0]), _after(leans[1])), 0.0)
         turning = excess > apart + bend + beyond + MARGIN_DEG
-        return cls(excess, apart, lean, bend, turning, ~turning & (lean > bend + MARGIN_DEG))
+        leaning = ~turning & (lean > bend + MARGIN_DEG)
+        opposed = (_before(turns) > OPPOSED_DEG) & ~turning & ~np.append(False, turning[:-1])
+        return cls(_before(turns), excess, apart, lean, bend, turning, leaning & ~opposed, opposed)
 
     @property
     def damaged(self) -> Mask:
         """Rows (n,) whose normal is refused."""
-        return self.turning | self.leaning
+        return self.turning | self.leaning | self.opposed
 
     def sentence(self, row: int) -> str:
         """Return what is wrong with the normal of a row."""
@@ -103,6 +111,11 @@ class NormalCheck:
             return (
                 f"the normal turns {self.excess[row]:.1f} deg away from those of both neighbours, which are "
                 f"{self.apart[row]:.1f} deg apart: it is damaged; correct it"
+            )
+        if self.opposed[row]:
+            return (
+                f"the normal turns {self.turns[row]:.1f} deg from that of the point before: one of the two points into "
+                "the surface; reverse those that do"
             )
         return (
             f"the normal stands {self.lean[row]:.1f} deg off the perpendicular of the course, which turns no more than "

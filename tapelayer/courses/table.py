@@ -16,6 +16,8 @@ from tapelayer.vectors import dot, norms
 # An arc length may differ from the chord by this share of the chord plus this slack in metres.
 CHORD_SHARE = 0.01
 CHORD_SLACK = 0.05e-3
+# Points at most this far apart, in metres, are at one place: no file states more digits of a part.
+SAME_PLACE = 1e-9
 # Most characters of a line without its comment; a point takes fewer than 200 however it is printed.
 LONGEST_LINE = 1000
 # Python's float() also takes underscores and the digits of other scripts; a course file's numbers are plain ASCII.
@@ -103,7 +105,7 @@ class TableSteps:
             >>> TableSteps(np.array([True, True]), np.array([0.0, 0.1]), np.array([0.1, 0.1])).standing.tolist()
             [True, False]
         """
-        return self.inside & ~(self.chords > 0.0)
+        return self.inside & ~(self.chords > SAME_PLACE)
 
     @property
     def falling(self) -> Mask:
@@ -113,7 +115,7 @@ class TableSteps:
             >>> TableSteps(np.array([True, True]), np.array([0.1, 0.1]), np.array([0.1, -0.1])).falling.tolist()
             [False, True]
         """
-        return self.inside & ~(self.growths > 0.0)
+        return self.inside & ~(self.growths > SAME_PLACE)
 
     @property
     def off(self) -> Mask:
@@ -127,6 +129,20 @@ class TableSteps:
             # An infinite chord must not allow every difference.
             allowed = np.minimum(CHORD_SHARE * self.chords + CHORD_SLACK, np.finfo(np.float64).max)
             return self.inside & ~(np.abs(self.growths - self.chords) <= allowed)
+
+
+def in_mm(rows: Floats, scale: float) -> Floats:
+    """Return the rows (n, 7) of a file with their lengths in millimetres.
+
+    Args:
+        rows: (n, 7) points and arc lengths in the file's unit, normals of any length.
+        scale: millimetres in that unit.
+
+    Examples:
+        >>> in_mm(np.array([[1.0, 2.0, 0.0, 0.0, 0.0, 1.0, 5.0]]), 25.4).tolist()
+        [[25.4, 50.8, 0.0, 0.0, 0.0, 1.0, 127.0]]
+    """
+    return rows if scale == 1.0 else rows * np.array([scale, scale, scale, 1.0, 1.0, 1.0, scale])
 
 
 def from_mm(mm: Floats) -> Floats:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,8 @@ from numpy.typing import NDArray
 from tapelayer.arrays import Floats, Frozen, Ints, frozen
 from tapelayer.geometry.adjacency import blocks, facet_spans, neighbours
 from tapelayer.geometry.mending import Mending
+from tapelayer.units import Unit
 from tapelayer.vectors import norms, unit
-
-Unit = Literal["mm", "m", "in"]
 
 
 @dataclass(frozen=True, eq=False)

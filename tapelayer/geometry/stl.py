@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from tapelayer.arrays import Floats
+from tapelayer.arrays import Floats, Mask
 from tapelayer.errors import InputFault, MeshRefused
-from tapelayer.geometry.mending import mended
-from tapelayer.geometry.mesh import Mesh, Unit
+from tapelayer.geometry.mending import RESOLUTION, mended
+from tapelayer.geometry.mesh import Mesh
+from tapelayer.text import plain_text
+from tapelayer.units import METRES, Unit
+from tapelayer.vectors import norms
 
-METRES: dict[Unit, float] = {"mm": 1e-3, "m": 1.0, "in": 0.0254}
-LARGEST_SIDE = 1000.0  # metres; anything larger is a damaged file or a wrong unit
+FARTHEST = 1e6  # from the origin, in the file's unit: single precision leaves no shape there in any
 
 HEADER_BYTES = 80
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -24,17 +26,23 @@ FACET_WORDS = (
     *(b"vertex", None, None, None) * 3,
     *(b"endloop", b"endfacet"),
 )
+_TEXT = re.compile(rb"[\s -~]*")
+_BEGIN = 4096  # bytes in which an ASCII file must begin
 CORNER_COLUMNS = (8, 9, 10, 12, 13, 14, 16, 17, 18)
-NAME_LINE = re.compile(rb"^[ \t]*(?:end)?solid\b[^\r\n]*", re.MULTILINE)
+# A solid's name may hold any words; it ends with its line or, in a file without lines, before a facet or another solid.
+_FACET = rb"\s{1,99}facet\s+normal\s+[-+.\dni]"
+_SOLID = re.compile(
+    rb"solid(?!\S)(?:(?<!\Ssolid)[^\n]*?(?=\n|\Z|%b)"
+    rb"|(?<=endsolid)(?<!\Sendsolid)[^\n]*?(?=\n|\Z|%b|\ssolid(?=\s)[^\n]{0,200}?%b))" % (_FACET, _FACET, _FACET)
+)
 
 
-def read_mesh(path: Path, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
+def read_mesh(path: Path, unit: Unit = "mm") -> Mesh:
     """Read a mended mesh from a binary or ASCII STL file.
 
     Args:
         path: the file.
         unit: unit of its numbers; STL does not state one.
-        spot: diameter of the spot in metres: a smaller part must be in another unit.
 
     Raises:
         MeshRefused: the file is missing, or as `parse_mesh`.
@@ -43,21 +51,20 @@ def read_mesh(path: Path, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
         data = path.read_bytes()
     except OSError as error:
         raise MeshRefused.unreadable(str(path), error) from None
-    return parse_mesh(data, str(path), unit, spot)
+    return parse_mesh(data, str(path), unit)
 
 
-def parse_mesh(data: bytes, name: str, unit: Unit = "mm", spot: float = 0.0) -> Mesh:
+def parse_mesh(data: bytes, name: str, unit: Unit = "mm") -> Mesh:
     r"""Return a mended mesh from the bytes of a binary or ASCII STL file.
 
     Args:
         data: the file's bytes.
         name: the file as the user named it, for messages.
         unit: unit of its numbers; STL does not state one.
-        spot: diameter of the spot in metres: a smaller part must be in another unit.
 
     Raises:
-        MeshRefused: the file is empty, cut short or not STL, has corners that are not finite numbers, or has no facet
-            left after mending.
+        MeshRefused: the file is empty, cut short or not STL, has corners that are not finite numbers or far from
+            any part, or has no facet left after mending.
 
     Examples:
         >>> corners = "vertex 0 0 0 vertex 1000 0 0 vertex 0 1000 0"
@@ -71,20 +78,16 @@ def parse_mesh(data: bytes, name: str, unit: Unit = "mm", spot: float = 0.0) -> 
     if len(wrong):
         count = f"{len(wrong)} of {len(triangles)} facets have" if len(wrong) > 1 else "a facet has"
         raise _refused(name, f"{count} corners that are no finite numbers, first facet {wrong[0] + 1}; export it again")
+    distances = np.max(np.abs(triangles), axis=(1, 2))
+    far = np.flatnonzero(distances > FARTHEST)
+    if len(far):
+        count = f"{len(far)} of {len(triangles)} facets have corners" if len(far) > 1 else "a facet has a corner"
+        raise _refused(
+            name,
+            f"{count} {distances[far[0]]:.3g} {unit} from the origin, expected at most {FARTHEST:g} {unit}, "
+            f"first facet {far[0] + 1}: it is damaged; export it again",
+        )
     triangles = triangles * METRES[unit]
-    sides = np.ptp(triangles.reshape(-1, 3), axis=0)
-    if sides.max() < spot:
-        raise _refused(
-            name,
-            f"the part's largest side is {sides.max() * 1e3:.3g} mm, less than the spot of {spot * 1e3:g} mm; "
-            f"if the file is not in {unit}, say so: --unit {'m' if unit != 'm' else 'mm'}",
-        )
-    if sides.max() > LARGEST_SIDE:
-        raise _refused(
-            name,
-            f"the part's largest side is {sides.max():.3g} m, expected at most {LARGEST_SIDE:g} m; "
-            f"if the file is not in {unit}, say so: --unit {'mm' if unit != 'mm' else 'in'}",
-        )
     vertices, facets, mending = mended(triangles)
     if not len(facets):
         raise _refused(name, f"no facet is left: all {len(triangles)} are without area; export it again")
@@ -104,8 +107,10 @@ def _triangles(name: str, data: bytes) -> tuple[Floats, int]:
         raise _refused(name, "the file is empty")
     count = int.from_bytes(data[HEADER_BYTES : HEADER_BYTES + 4], "little")
     expected = HEADER_BYTES + 4 + count * RECORD.itemsize
-    if len(data) != expected and b"\0" not in data[:1024]:
-        return _ascii_triangles(name, data), 0
+    if len(data) != expected:
+        text = plain_text(data, name, MeshRefused)
+        if b"\0" not in text[:1024]:
+            return _ascii_triangles(name, text), 0
     if len(data) < HEADER_BYTES + 4:
         raise _refused(
             name, f"the file has {len(data)} bytes, expected a header of {HEADER_BYTES + 4}: it is cut short"
@@ -117,33 +122,69 @@ def _triangles(name: str, data: bytes) -> tuple[Floats, int]:
         )
     if not count:
         raise _refused(name, f"the header counts no facets, and {len(data) - expected} bytes follow; export it again")
-    records = np.frombuffer(data, dtype=RECORD, count=count, offset=HEADER_BYTES + 4)
-    return records["corners"].astype(np.float64), len(data) - expected
+    triangles = _corners(data, HEADER_BYTES + 4, count)
+    further = _corners(data, expected, (len(data) - expected) // RECORD.itemsize)
+    if not _TEXT.fullmatch(data, expected) and np.any(_of_one_part(further, triangles)):
+        raise _refused(name, f"the header counts {count} facets, and {len(further)} more follow them; export it again")
+    return triangles, len(data) - expected
 
 
-def _ascii_triangles(name: str, data: bytes) -> Floats:
+def _corners(data: bytes, offset: int, count: int) -> Floats:
+    """Return the corners (count, 3, 3) of binary records, in the file's unit."""
+    records = np.frombuffer(data, dtype=RECORD, count=count, offset=offset)
+    # A cast of a signalling NaN is an invalid operation, of which the caller makes a refusal.
+    with np.errstate(invalid="ignore"):
+        return records["corners"].astype(np.float64)
+
+
+def _of_one_part(further: Floats, triangles: Floats) -> Mask:
+    """Return whether each of the triangles (k, 3, 3) after the last one may be a facet of the same part.
+
+    Padding, read as numbers, has no area or lies far off.
+    """
+    known = triangles[np.all(np.isfinite(triangles), axis=(1, 2))].reshape(-1, 3)
+    if not len(known):
+        return np.zeros(len(further), dtype=np.bool_)
+    low, high = known.min(axis=0), known.max(axis=0)
+    size = float(np.max(high - low))
+    near: Mask = np.all((further >= low - size) & (further <= high + size), axis=(1, 2))
+    first, second = (further[:, corner] - further[:, 0] for corner in (1, 2))
+    near[near] = norms(np.cross(first[near], second[near])) > (RESOLUTION * size) ** 2
+    return near
+
+
+def _ascii_triangles(name: str, text: bytes) -> Floats:
     """Return the corners (m, 3, 3) in the file's unit."""
-    text = data.lower()
-    if not text.lstrip().startswith(b"solid"):
-        begin = data.strip()[:40].partition(b"\n")[0].decode("ascii", "replace")
+    if not text[:_BEGIN].lstrip().lower().startswith(b"solid"):
+        begin = text.strip()[:40].partition(b"\n")[0].decode("utf-8", "replace")
         raise _refused(name, f"this is no STL file, it begins with {begin!r}; export the part as STL")
-    names = [line.split()[0] for line in NAME_LINE.findall(text)]
-    text = NAME_LINE.sub(b"", text)
+    text, begun, ended = _without_names(text.lower())
     words = text.split()
     facets = len(words) // len(FACET_WORDS)
     columns = [words[column :: len(FACET_WORDS)] for column in range(len(FACET_WORDS))]
     in_place = (column.count(word) == facets for word, column in zip(FACET_WORDS, columns, strict=True) if word)
     if len(words) % len(FACET_WORDS) or not all(in_place):
         raise MeshRefused(name, [_ascii_fault(text)])
-    if names.count(b"solid") != names.count(b"endsolid"):
-        raise _refused(name, "the file ends without endsolid: it is cut short; export it again", len(data.splitlines()))
     if not facets:
         raise _refused(name, "the file holds no facets")
+    if begun != ended:
+        line = len(text.splitlines())
+        raise _refused(name, "the file ends without endsolid: it is cut short; export it again", line)
     try:
         numbers = np.array([columns[column] for column in CORNER_COLUMNS]).astype(np.float64)
     except ValueError as error:
         raise MeshRefused(name, [_ascii_fault(text)]) from error
     return numbers.T.reshape(-1, 3, 3)
+
+
+def _without_names(text: bytes) -> tuple[bytes, int, int]:
+    """Return a text in lower case without the words solid and endsolid and the names after them, and their numbers."""
+    parts, at, ended = [], 0, 0
+    for match in _SOLID.finditer(text):
+        end = text.endswith(b"end", 0, match.start())
+        parts.append(text[at : match.start() - 3 * end])
+        at, ended = match.end(), ended + end
+    return b"".join([*parts, text[at:]]), len(parts) - ended, ended
 
 
 def _ascii_fault(text: bytes) -> InputFault:
@@ -155,11 +196,20 @@ def _ascii_fault(text: bytes) -> InputFault:
             wanted = expected.decode() if expected else "a number"
             line = text.count(b"\n", 0, word.start()) + 1
             facet = position // len(FACET_WORDS) + 1
-            return InputFault(
-                line, f"expected {wanted}, got {got.decode('ascii', 'replace')!r} in facet {facet}; export it again"
-            )
+            shown = f"expected {wanted}, got {got.decode('utf-8', 'replace')[:40]!r} in facet {facet}"
+            return InputFault(line, f"{shown}{_separator(got)}; export it again")
     facet = len(text.split()) // len(FACET_WORDS) + 1
     return InputFault(len(text.splitlines()), f"the file ends inside facet {facet}: it is cut short; export it again")
+
+
+def _separator(word: bytes) -> str:
+    """Return what a word with commas or semicolons says of its file; empty for any other word."""
+    if re.fullmatch(rb"[-+]?\d+,\d+(e[-+]?\d+)?", word):
+        return ": the file has decimal commas, STL has decimal points"
+    for sign, signs in ((b",", "commas"), (b";", "semicolons")):
+        if sign in word and all(_is_number(part) for part in word.strip(sign).split(sign)):
+            return f": the numbers are separated by {signs}, STL has blanks"
+    return ""
 
 
 def _is_number(word: bytes) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
@@ -17,13 +17,19 @@ from post import program, reader
 from post.controllers import Controller
 from tapelayer.arrays import Floats
 from tapelayer.errors import VerificationFailed
+from tapelayer.jobs.part_names import part_names, placed
 from tapelayer.jobs.stages import READING_BACK, VERIFYING, VERIFYING_PLAN, WRITING
+from tapelayer.language import Language
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.corners import Rule
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
-from tapelayer.provenance import Provenance, sealed
+from tapelayer.provenance import VERSION, NamedFile, Provenance, sealed
+from tapelayer.reporting.not_judged import unjudged
+from tapelayer.reporting.subject import Occasion, Subject
+from tapelayer.reporting.words import Words
+from tapelayer.setups.forms import changes
 from tapelayer.setups.sections import JobSetup
 from tapelayer.verification.failures import Findings
 from tapelayer.verification.inspection import Judge
@@ -31,6 +37,8 @@ from tapelayer.verification.verified import Verified, failure_of
 
 Plan = TypeVar("Plan")
 Evidence = TypeVar("Evidence", bound=Findings)
+
+UNTOLD = Occasion()
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +50,14 @@ class JobResult(ABC, Generic[Evidence]):
         evidence: verification's measurements on it.
         text: bytes of the program; empty where the plan failed.
         remarks: sentences to print beside the verdict.
+        job: the job that was done.
     """
 
     trajectory: Trajectory
     evidence: Evidence
     text: bytes
     remarks: tuple[str, ...]
+    job: MachineJob[Any, Evidence]
 
     @property
     def failure(self) -> VerificationFailed | None:
@@ -55,28 +65,33 @@ class JobResult(ABC, Generic[Evidence]):
         return failure_of(self.evidence)
 
     @abstractmethod
-    def report(self) -> dict[str, Any]:
-        """Return the report as plain values for JSON."""
+    def numbers(self) -> dict[str, Any]:
+        """Return the verdict and all that was measured, as plain values for JSON."""
 
     @abstractmethod
-    def summary(self) -> Table:
+    def summary(self, language: Language = "en") -> Table:
         """Return the report as a table for a terminal."""
 
     @abstractmethod
-    def page(self, title: str) -> str:
+    def page(self, occasion: Occasion = UNTOLD, language: Language = "en") -> str:
         """Return the report as one HTML page with plots, titled with the program's name."""
 
-    def report_file(self) -> bytes:
+    def report(self, occasion: Occasion = UNTOLD) -> dict[str, Any]:
+        """Return the report as plain values for JSON: the same for the same job, program and occasion."""
+        subject = self.job.subject(occasion, self.evidence.program_sha256).values()
+        return {"version": VERSION, "subject": subject, **self.numbers()}
+
+    def report_file(self, occasion: Occasion = UNTOLD) -> bytes:
         """Return the report as the bytes of a JSON file, with the hash of its own text as the last key."""
-        text = json.dumps(self.report(), indent=2, allow_nan=False).removesuffix("\n}").encode() + b",\n}\n"
+        text = json.dumps(self.report(occasion), indent=2, allow_nan=False).removesuffix("\n}").encode() + b",\n}\n"
         return sealed(text, len(text) - len("}\n"), '  "text_sha256": "', '"')
 
-    def page_file(self, title: str) -> bytes:
+    def page_file(self, occasion: Occasion = UNTOLD, language: Language = "en") -> bytes:
         """Return the report as the bytes of an HTML file, with the hash of its own text as the last comment."""
-        text = self.page(title).encode()
+        text = self.page(occasion, language).encode()
         return sealed(text, len(text), "<!-- text sha256: ", " -->")
 
-    def notes(self) -> tuple[str, ...]:
+    def notes(self, language: Language = "en") -> tuple[str, ...]:
         """Return sentences to print beside the report's table."""
         return ()
 
@@ -120,9 +135,38 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         return is_timed(self.machine, self.controller)
 
     @property
+    def not_judged(self) -> tuple[Words, ...]:
+        """What no verdict on a program of this job covers."""
+        return unjudged(self.timed)
+
+    @property
     @abstractmethod
     def parts(self) -> int:
         """Number of courses or passes."""
+
+    def subject(self, occasion: Occasion, program_sha256: str) -> Subject:
+        """Return what a report on a program of this job is about.
+
+        Args:
+            occasion: what the caller knows.
+            program_sha256: SHA-256 of the program, hexadecimal; empty for a plan.
+        """
+        made, machine, control = self.provenance, self.machine, self.controller
+        return Subject(
+            sources=made.sources,
+            setup=NamedFile(occasion.setup, made.setup_sha256),
+            changed=changes(self.setup),
+            machine=str(machine.model.name),
+            urdf=NamedFile(machine.path.name, machine.sha256),
+            controller=NamedFile(control.name, control.sha256),
+            program=NamedFile(occasion.program, program_sha256),
+            version=made.version,
+            judged_at=occasion.judged_at,
+        )
+
+    @abstractmethod
+    def numbers(self, trajectory: Trajectory) -> Sequence[int]:
+        """Return the numbers of the courses or passes of a trajectory, by index."""
 
     @abstractmethod
     def planned(self, steps: Steps) -> tuple[Plan, Trajectory]:
@@ -173,13 +217,14 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         plan, trajectory = self.planned(steps)
         judge = self.inspector(plan)
         steps.begin(VERIFYING_PLAN.name, self.parts)
-        evidence, text = judge.judge(trajectory, tick=steps.tick), b""
+        evidence, text = judge.judge(trajectory, self.resolution, steps.tick), b""
         if evidence.passed:
             steps.begin(WRITING.name)
             text = self.text(Verified(trajectory, evidence))
             # Free a long program's plan before reading the text back.
             del trajectory, evidence
-            trajectory, evidence = self._judged_text(judge, self._read(text, name, steps), text, steps)
+            trajectory, _ = placed(self._read(text, name, steps), judge.OF, judge.numbers)
+            evidence = self._judged_text(judge, trajectory, text, steps)
         return self.result(plan, trajectory, evidence, text, (), steps)
 
     def judge(self, text: bytes, name: str, force: bool = False, steps: Steps = UNSEEN) -> JobResult[Evidence]:
@@ -200,7 +245,10 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
             self.provenance.check_setup(read.setup_sha256, name)
         remarks = self.provenance.remarks(read.source_sha256, name, self.SOURCE)
         plan = self.basis(steps)
-        trajectory, evidence = self._judged_text(self.inspector(plan), read, text, steps)
+        judge = self.inspector(plan)
+        trajectory, wrong = placed(read, judge.OF, judge.numbers)
+        remarks += wrong
+        evidence = self._judged_text(judge, trajectory, text, steps)
         return self.result(plan, trajectory, evidence, text, remarks, steps)
 
     def plan(self, tick: Tick = silent) -> Verified[Evidence]:
@@ -210,11 +258,12 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
             TapelayerError: the job cannot be done on this machine, or the plan failed verification.
         """
         plan, trajectory = self.planned(_Ticks(tick))
-        return self.inspector(plan).verify(trajectory, tick=tick)
+        return self.inspector(plan).verify(trajectory, self.resolution, tick)
 
     def text(self, planned: Verified[Evidence]) -> bytes:
         """Return the NC text of a verified trajectory."""
-        return program.write(planned, self.controller, self.provenance, self.levels())
+        names = part_names(planned.evidence.PART, self.numbers(planned.trajectory))
+        return program.write(planned, self.controller, self.provenance, self.levels(), names)
 
     def read_back(self, text: bytes, name: str) -> reader.Program:
         """Return the program in an NC text.
@@ -242,12 +291,10 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         steps.begin(READING_BACK.name)
         return self.read_back(text, name)
 
-    def _judged_text(
-        self, judge: Judge[Evidence], read: reader.Program, text: bytes, steps: Steps
-    ) -> tuple[Trajectory, Evidence]:
+    def _judged_text(self, judge: Judge[Evidence], trajectory: Trajectory, text: bytes, steps: Steps) -> Evidence:
         steps.begin(VERIFYING.name, self.parts)
-        evidence = judge.judge(read.trajectory, self.resolution, steps.tick)
-        return read.trajectory, replace(evidence, program_sha256=hashlib.sha256(text).hexdigest())
+        evidence = judge.judge(trajectory, self.resolution, steps.tick)
+        return replace(evidence, program_sha256=hashlib.sha256(text).hexdigest())
 
 
 class _Ticks:

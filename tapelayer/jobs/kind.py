@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -11,10 +12,32 @@ from tapelayer.arrays import Floats
 from tapelayer.geometry.mesh import Mesh
 from tapelayer.jobs.job import MachineJob
 from tapelayer.jobs.stages import Weights
+from tapelayer.machines.machine import Machine
 from tapelayer.reporting.quantity import Row
 from tapelayer.reporting.words import Words
 from tapelayer.setups.sections import JobSetup
 from tapelayer.verification.limits import Limits
+
+
+class Form(Enum):
+    """The form of a file, with its name in a sentence."""
+
+    COURSES = "a course file"
+    MODEL = "an STL model"
+    PROGRAM = "an NC program"
+    SETUP = "a setup"
+    CONTROLLER = "a controller table"
+    MACHINE = "a URDF"
+    POSES = "a file of the gun's poses"
+    PAGE = "an HTML page"
+    JSON = "a JSON file"
+    STEP = "a STEP model"
+    MESH = "a model in another format than STL"
+    ARCHIVE = "a packed file"
+    DOCUMENT = "a document"
+    PICTURE = "a picture"
+    BINARY = "a binary file"
+    UNKNOWN = "a text of no known form"
 
 
 class Option(NamedTuple):
@@ -42,6 +65,7 @@ class BuiltIn:
         vectors: names of the unit vectors of a pose, with the frame's column of each.
         inverse: solves poses: from a machine, points (n, 3) in metres and unit vectors (n, 3) each to axis values
             (2, n, 5) in metres and radians, NaN where there are none.
+        lengths: lengths of the closed form in metres by name, of a machine that is refused if it is of another kind.
     """
 
     name: str
@@ -51,6 +75,7 @@ class BuiltIn:
     axes: tuple[str, ...]
     vectors: Mapping[str, int]
     inverse: Callable[..., Floats]
+    lengths: Callable[[Machine], Mapping[str, float]]
 
 
 @dataclass(frozen=True)
@@ -60,12 +85,14 @@ class Source:
     Attributes:
         name: its name in the singular.
         plural: its name in the plural.
+        form: of its files.
         media_type: of its bytes.
         fields: what a request may specify about it, besides the file.
     """
 
     name: str
     plural: str
+    form: Form
     media_type: str
     fields: frozenset[str]
 

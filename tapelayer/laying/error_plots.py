@@ -11,6 +11,7 @@ from tapelayer.laying.evidence import Evidence, Samples
 from tapelayer.laying.quantities import ROWS
 from tapelayer.reporting.drawing import Panel, PlotCurve, element, extent, heading_of, range_of, svg
 from tapelayer.reporting.quantity import Quantity, quantities
+from tapelayer.reporting.words import ENGLISH, Say
 from tapelayer.units import DEG, MM
 
 # Number of courses with plots of their own; the page counts the others.
@@ -20,11 +21,11 @@ STYLES = ("first", "second")
 PLOTTED = [row for row in quantities(ROWS) if row.curves]
 
 
-def course_plots(evidence: Evidence) -> list[Element]:
+def course_plots(evidence: Evidence, say: Say = ENGLISH) -> list[Element]:
     """Return plots of the errors along the courses; of many courses, only those that come nearest to a limit."""
     samples, limits = evidence.samples, evidence.limits
     if not len(samples.courses):
-        return [element("p", "Nothing was measured along the courses.", class_="note")]
+        return [element("p", say("Nothing was measured along the courses.", "沿道次没有测量数据。"), class_="note")]
     starts = np.unique(samples.courses, return_index=True)[1]
     shares = np.max(
         [
@@ -42,26 +43,35 @@ def course_plots(evidence: Evidence) -> list[Element]:
     nodes = [
         element(
             "p",
-            "Over arc length in mm; the scale of errors is one for all courses. Dashed: limits of the setup"
-            + ("" if all(limit.judged for limit in limits.values()) else " (grey: not judged)")
-            + "; the one of position holds for normal and lateral together.",
+            say(
+                "Over arc length in mm; the scale of errors is one for all courses. Dashed: limits of the setup{grey}; "
+                "the one of position holds for normal and lateral together.",
+                "横轴：弧长 mm；各道次误差比例相同。虚线：参数中的限值{grey}；位置限值对法向与侧向合成误差有效。",
+                grey=""
+                if all(limit.judged for limit in limits.values())
+                else say(" (grey: not judged)", "（灰色：未作判定）"),
+            ),
             class_="note",
         )
     ]
     for row in chosen:
         part = slice(int(starts[row]), int(ends[row]))
-        nodes.append(_course_figure(evidence, part, curves, ranges))
+        nodes.append(_course_figure(evidence, part, curves, ranges, say))
     rest = order[SHOWN_COURSES:]
     if len(rest):
         most = float(shares[rest[0]])
-        nodes.append(
-            element(
-                "p",
-                f"Shown are the {len(chosen)} courses that come nearest to a limit; of the other {len(rest):,} "
-                + (f"none reaches more than {most:.1%} of one." if math.isfinite(most) else "some were not measured."),
-                class_="note",
-            )
+        if math.isfinite(most):
+            others = say("none reaches more than {most:.1%} of one", "均不超过限值的 {most:.1%}", most=most)
+        else:
+            others = say("some were not measured", "有的未测得")
+        words = say(
+            "Shown are the {chosen} courses that come nearest to a limit; of the other {rest:,} {others}.",
+            "所示为最接近限值的 {chosen} 个道次；其余 {rest:,} 个道次{others}。",
+            chosen=len(chosen),
+            rest=len(rest),
+            others=others,
         )
+        nodes.append(element("p", words, class_="note"))
     return nodes
 
 
@@ -80,7 +90,11 @@ def _curves(row: Quantity[Evidence], samples: Samples) -> list[PlotCurve]:
 
 
 def _course_figure(
-    evidence: Evidence, part: slice, curves: dict[str, list[PlotCurve]], ranges: dict[str, tuple[float, float]]
+    evidence: Evidence,
+    part: slice,
+    curves: dict[str, list[PlotCurve]],
+    ranges: dict[str, tuple[float, float]],
+    say: Say,
 ) -> Element:
     """Return the plots of one course's errors, captioned with its number and its worst place."""
     samples = evidence.samples
@@ -93,7 +107,7 @@ def _course_figure(
         down, across = divmod(place, PLOTS_A_LINE)
         panel = Panel(48 + 252 * across, 18 + 106 * down, 194, 70, extent(arcs[known]), ranges[row.key])
         lines = [PlotCurve(curve.style, arcs[known], curve.y[part][known]) for curve in curves[row.key]]
-        names = [(f"{name} ", style) for style, (name, _) in zip(STYLES, row.curves, strict=False)]
+        names = [(f"{say.words(name)} ", style) for style, (name, _) in zip(STYLES, row.curves, strict=False)]
         nodes += panel.drawn(heading_of(*names, (row.unit, "")), lines, [-limit.value, limit.value], limit.judged)
     measured = known & np.all(
         [np.isfinite(curve.y[part]) for panel_curves in curves.values() for curve in panel_curves], axis=0
@@ -101,15 +115,30 @@ def _course_figure(
     if np.all(measured):
         errors = samples.position_errors[part] / MM
         worst = int(np.argmax(errors))
-        words = (
-            f"{arcs[-1]:,.1f} mm; largest position error {errors[worst]:.4f} mm at {arcs[worst]:,.1f} mm, "
-            f"x {samples.nips[part][worst, 0] / MM:,.1f}  y {samples.nips[part][worst, 1] / MM:,.1f} mm"
+        words = say(
+            "{length:,.1f} mm; largest position error {error:.4f} mm at {at:,.1f} mm, x {x:,.1f}  y {y:,.1f} mm",
+            "{length:,.1f} mm；最大位置误差 {error:.4f} mm，在 {at:,.1f} mm 处，x {x:,.1f}  y {y:,.1f} mm",
+            length=arcs[-1],
+            error=errors[worst],
+            at=arcs[worst],
+            x=samples.nips[part][worst, 0] / MM,
+            y=samples.nips[part][worst, 1] / MM,
         )
     else:
-        words = f"{np.sum(~measured):,} of {len(arcs):,} samples were not measured and are not drawn"
-    caption = element("figcaption", element("b", f"Course {number}"), f"  {words}")
+        words = say(
+            "{lost:,} of {all:,} samples were not measured and are not drawn",
+            "{all:,} 个采样点中 {lost:,} 个未测得，未绘出",
+            lost=np.sum(~measured),
+            all=len(arcs),
+        )
+    caption = element("figcaption", element("b", say("Course {n}", "道次 {n}", n=number)), f"  {words}")
     return element(
         "figure",
         caption,
-        svg(1016, 106 * math.ceil(len(PLOTTED) / PLOTS_A_LINE), *nodes, label=f"Errors along course {number}"),
+        svg(
+            1016,
+            106 * math.ceil(len(PLOTTED) / PLOTS_A_LINE),
+            *nodes,
+            label=say("Errors along course {n}", "道次 {n} 的误差", n=number),
+        ),
     )

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
 from post.controllers import load
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import CourseFileRefused
-from tapelayer.jobs.job import JobResult, MachineJob, is_timed, machine_of
+from tapelayer.jobs.job import UNTOLD, JobResult, MachineJob, is_timed, machine_of
+from tapelayer.jobs.part_size import check_size
 from tapelayer.jobs.stages import PLANNING
+from tapelayer.language import Language
 from tapelayer.laying import page
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.inspection import Inspector
@@ -27,7 +31,10 @@ from tapelayer.progress import Steps
 from tapelayer.provenance import VERSION, Provenance
 from tapelayer.reporting.not_judged import english, unjudged
 from tapelayer.reporting.quantity import beyond_limits, numbers
+from tapelayer.reporting.subject import Occasion
 from tapelayer.reporting.summary import summary
+from tapelayer.reporting.words import Say
+from tapelayer.units import MM, Unit
 from urdf import TAPELAYER
 
 
@@ -49,8 +56,8 @@ class Job(MachineJob[None, Evidence]):
     SOURCE = "course file"
 
     @staticmethod
-    def read(path: Path | str, setup: Setup, unit: str = "mm") -> Job:
-        """Return the job of a course file, in mm.
+    def read(path: Path | str, setup: Setup, unit: Unit = "mm") -> Job:
+        """Return the job of a course file.
 
         Raises:
             CourseFileRefused: the file cannot be read.
@@ -64,30 +71,36 @@ class Job(MachineJob[None, Evidence]):
         return Job.of(data, str(path), setup, unit)
 
     @staticmethod
-    def of(data: bytes, name: str, setup: Setup, unit: str = "mm") -> Job:
-        """Return the job of the bytes of a course file, in mm.
+    def of(data: bytes, name: str, setup: Setup, unit: Unit = "mm") -> Job:
+        """Return the job of the bytes of a course file.
 
         Args:
             data: the file's bytes.
             name: the file's name in messages; the program's header has the base name.
             setup: the job's values.
-            unit: unit of the file's numbers: course files are in mm.
+            unit: unit of the file's lengths.
 
         Raises:
-            CourseFileRefused: the bytes are not a course file.
+            CourseFileRefused: the bytes are not a course file, or its part is of a size that is none for the machine.
             ControllerRefused: the setup's controller table cannot be used.
             ModelRefused: the setup's URDF cannot be used.
         """
         controller = load(setup.output.controller)
         machine = machine_of(setup, TAPELAYER)
+        machine.check_travel(machine.names)
+        controller.check_units({axis.name: axis.revolute for axis in machine.axes})
+        courses = parse_courses(data, name, unit)
+        points = np.concatenate([course.points for course in courses])
+        check_size(points, unit, machine, ("tape", setup.tape.width_mm * MM), name, CourseFileRefused)
         provenance = Provenance(
             source=Path(name).name,
             source_sha256=hashlib.sha256(data).hexdigest(),
             setup_sha256=setup.sha256(machine.path.read_bytes()),
             version=VERSION,
+            notes=() if unit == "mm" else (f"courses in {unit}",),
             not_judged=english(unjudged(is_timed(machine, controller))),
         )
-        return Job(setup, machine, controller, provenance, parse_courses(data, name))
+        return Job(setup, machine, controller, provenance, courses)
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -98,6 +111,10 @@ class Job(MachineJob[None, Evidence]):
     def parts(self) -> int:
         """Return the number of courses."""
         return len(self.courses)
+
+    def numbers(self, trajectory: Trajectory) -> Sequence[int]:
+        """Return the numbers of the courses in their file."""
+        return [course.number for course in self.courses]
 
     def planned(self, steps: Steps) -> tuple[None, Trajectory]:
         """Return the planned trajectory, with no basis: it is judged against the courses themselves.
@@ -145,26 +162,34 @@ class LayingResult(JobResult[Evidence]):
 
     job: Job
 
-    def report(self) -> dict[str, Any]:
-        """Return the report as plain values for JSON; docs/report.md describes every key."""
-        return numbers(ROWS, self.evidence, self.evidence, unjudged(self.job.timed))
+    def numbers(self) -> dict[str, Any]:
+        """Return the verdict and all that was measured; docs/report.md describes every key."""
+        return numbers(ROWS, self.evidence, self.evidence, self.job.not_judged)
 
-    def summary(self) -> Table:
+    def summary(self, language: Language = "en") -> Table:
         """Return the report as a table for a terminal."""
-        return summary(ROWS, self.report(), self.evidence.limits)
+        return summary(ROWS, self.numbers(), self.evidence.limits, self.job.not_judged, say=Say(language))
 
-    def page(self, title: str) -> str:
+    def page(self, occasion: Occasion = UNTOLD, language: Language = "en") -> str:
         """Return the report as one HTML page with plots; its title is the program's name."""
-        return page.html(self.evidence, self.trajectory, self.report(), self.job.setup, title)
+        report, not_judged = self.report(occasion), self.job.not_judged
+        return page.html(self.evidence, self.trajectory, report, self.job.setup, not_judged, Say(language))
 
-    def notes(self) -> tuple[str, ...]:
+    def notes(self, language: Language = "en") -> tuple[str, ...]:
         """Return a note on the errors of the published form, if it was used."""
         if self.job.setup.process.kinematics != "published":
             return ()
-        report = self.report()
-        return (
-            "published kinematics: the roller leaves the surface by up to "
-            f"{report['max_roller_tilt_deg']:.2f} deg (edge lift {report['max_edge_lift_mm']:.2f} mm), heading up to "
-            f"{report['max_heading_error_deg']:.2f} deg off, centre up to {report['max_roller_offset_mm']:.2f} mm; "
-            "judged only where [verification] itself sets these limits",
+        report = self.numbers()
+        note = Say(language)(
+            "published kinematics: the roller leaves the surface by up to {tilt:.2f} deg (edge lift {lift:.2f} mm), "
+            "heading up to {heading:.2f} deg off, centre up to {offset:.2f} mm; judged only where [verification] "
+            "itself sets these limits",
+            "published 运动学：压辊偏离曲面至多 {tilt:.2f} deg（带边翘起 {lift:.2f} mm），"
+            "航向偏差至多 {heading:.2f} deg，辊心偏移至多 {offset:.2f} mm；"
+            "仅当 [verification] 自行设定这些限值时才作判定",
+            tilt=report["max_roller_tilt_deg"],
+            lift=report["max_edge_lift_mm"],
+            heading=report["max_heading_error_deg"],
+            offset=report["max_roller_offset_mm"],
         )
+        return (note,)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tapelayer.jobs.kind import BuiltIn, JobKind, Option, Source
+from tapelayer.jobs.kind import BuiltIn, Form, JobKind, Option, Source
 from tapelayer.jobs.stages import PLANNING, READING, READING_BACK, SAVING, VERIFYING, VERIFYING_PLAN, WRITING
 from tapelayer.laying.job import Job
 from tapelayer.laying.limits import limits_of
@@ -10,8 +10,16 @@ from tapelayer.laying.quantities import ROWS
 from tapelayer.laying.scene import scene
 from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
+from tapelayer.machines.machine import Machine
 from tapelayer.reporting.not_judged import unjudged
 from urdf import TAPELAYER
+
+
+def _lengths(machine: Machine) -> dict[str, float]:
+    """Return the lengths of the head and the radius of the roller."""
+    head = gantry.lengths(machine)
+    return {"l4": head.l4, "l5": head.l5, "l6": head.l6, "roller radius": head.radius}
+
 
 KIND = JobKind(
     name="lay",
@@ -24,8 +32,9 @@ KIND = JobKind(
         axes=gantry.POSE,
         vectors={"n": 2, "t": 0},
         inverse=gantry.inverse,
+        lengths=_lengths,
     ),
-    source=Source("course file", "tape courses", "text/plain", frozenset({"mould"})),
+    source=Source("course file", "tape courses", Form.COURSES, "text/plain", frozenset({"mould"})),
     parts="courses",
     setup=Setup,
     options={"kinematics": Option("process", "kinematics")},

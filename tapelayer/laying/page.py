@@ -18,45 +18,65 @@ from tapelayer.reporting.page import (
     document,
     facts,
     failures_table,
-    printable,
+    meanings,
     quantities_table,
     signatures,
     verdict,
 )
-from tapelayer.reporting.words import shown
+from tapelayer.reporting.quantity import open_words
+from tapelayer.reporting.subject import subject_tables
+from tapelayer.reporting.words import ENGLISH, NOT_MEASURED, Say, Words, shown
+
+SHARES = {
+    "laying": Words("time laying", "铺放时间占比"),
+    "threading": Words("time threading", "送带时间占比"),
+    "linking": Words("time linking", "过渡时间占比"),
+}
+
+COURSES = ("courses", Words("courses", "道次"))
 
 
-def html(evidence: Evidence, trajectory: Trajectory, report: dict[str, Any], setup: Setup, title: str) -> str:
+def html(
+    evidence: Evidence,
+    trajectory: Trajectory,
+    report: dict[str, Any],
+    setup: Setup,
+    not_judged: tuple[Words, ...],
+    say: Say = ENGLISH,
+) -> str:
     """Return the report as one HTML page with plots, for light, dark and print.
 
     Args:
         evidence: the measurements of verification.
         trajectory: the program that was judged.
-        report: its report as plain values.
+        report: its report as plain values, with its subject.
         setup: the job's values.
-        title: title of the report, the program's name.
+        not_judged: what no verdict covers.
+        say: the language.
     """
-    limits, shares = evidence.limits, report["time_shares"]
+    limits, absent = evidence.limits, say.words(NOT_MEASURED)
     more = [
-        ("time " + ", ".join(shares), ", ".join(shown(share, "%", "z.1f") for share in shares.values())),
-        ("kinematics", setup.process.kinematics),
-        ("controller", printable(setup.output.controller)),
+        *((say.words(SHARES[key]), shown(share, "%", "z.1f", absent)) for key, share in report["time_shares"].items()),
+        (say("kinematics", "运动学"), setup.process.kinematics),
     ]
+    judged = verdict(ROWS, report, limits, COURSES, open_words(ROWS, limits, not_judged), say)
     sections = [
-        facts(ROWS, report, more),
-        *failures_table(report["failures"]),
-        element("h2", "Largest errors"),
-        quantities_table(ROWS, report, limits),
-        element("h2", "Axes"),
-        axes_table(evidence.axes, report),
-        signatures(),
-        element("h2", "Plan view"),
-        *plan_view(evidence),
-        element("h2", "Tape"),
-        *tape_view(evidence, report),
-        element("h2", "Errors along the courses"),
-        *course_plots(evidence),
-        element("h2", "Axis positions and speeds"),
-        *axis_plots(evidence.axes, trajectory),
+        facts(ROWS, report, more, say),
+        *failures_table(ROWS, report["failures"], say),
+        element("h2", say("Largest errors", "最大误差")),
+        quantities_table(ROWS, report, limits, say),
+        element("h2", say("Axes", "各轴")),
+        axes_table(evidence.axes, report, say),
+        *subject_tables(report["subject"], say),
+        signatures(say),
+        element("h2", say("Plan view", "俯视图")),
+        *plan_view(evidence, say),
+        element("h2", say("Tape", "带料")),
+        *tape_view(evidence, report, say),
+        element("h2", say("Errors along the courses", "沿道次的误差")),
+        *course_plots(evidence, say),
+        element("h2", say("Axis positions and speeds", "各轴位置与速度")),
+        *axis_plots(evidence.axes, trajectory, say),
+        *meanings(ROWS, say),
     ]
-    return document(title, verdict(ROWS, report, limits, "courses"), sections)
+    return document(report, judged, sections, say)

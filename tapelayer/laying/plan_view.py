@@ -16,12 +16,12 @@ from tapelayer.reporting.map_marks import (
     MarkPlaces,
     arrowhead,
     colour_bar,
+    foot,
     heading,
     plan_panel,
-    round_up,
     scale_bar,
 )
-from tapelayer.reporting.words import plain
+from tapelayer.reporting.words import ENGLISH, Say, plain
 from tapelayer.units import MM
 
 # Most cells to be coloured by their largest error, and the smallest cell in pixels.
@@ -44,12 +44,12 @@ class _CourseStrip:
     classes: Ints
 
 
-def plan_view(evidence: Evidence) -> list[Element]:
+def plan_view(evidence: Evidence, say: Say = ENGLISH) -> list[Element]:
     """Return the courses from above to scale, in `machine` axes, coloured by position error."""
     samples = evidence.samples
     known = np.all(np.isfinite(samples.nips), axis=1)
     if not np.any(known):
-        return [element("p", "Nothing was measured along the courses.", class_="note")]
+        return [element("p", say("Nothing was measured along the courses.", "沿道次没有测量数据。"), class_="note")]
     plan = samples.nips[known][:, :2] / MM
     # A sample next to one without a position gets a NaN error, so that the gap shows.
     beside = ~known | np.append(~known[1:], False) | np.append(False, ~known[:-1])
@@ -57,15 +57,14 @@ def plan_view(evidence: Evidence) -> list[Element]:
     courses = samples.courses[known]
     limit = evidence.limits["max_position_error_mm"].value
     finite = errors[np.isfinite(errors)]
-    top = min(limit, round_up(float(np.max(finite, initial=0.0))))
 
     margin = evidence.tape_width / MM / 2
     low, high = np.min(plan, axis=0) - margin, np.max(plan, axis=0) + margin
     panel, scale = plan_panel(low, high)
     pixels = np.column_stack([panel.across(plan[:, 0]), panel.down(plan[:, 1])])
-    strips = _strips([row.course for row in evidence.tape.rows], courses, pixels, _classes(errors, top, limit))
+    strips = _strips([row.course for row in evidence.tape.rows], courses, pixels, _classes(errors, limit))
 
-    nodes = panel.drawn(heading_of(("y over x, mm", "")), [], [])
+    nodes = panel.drawn(heading_of((say("y over x, mm", "y 对 x，mm"), "")), [], [])
     band = "".join(_outline(strip.points) for strip in strips)
     nodes.append(
         element(
@@ -87,19 +86,24 @@ def plan_view(evidence: Evidence) -> list[Element]:
     nodes.append(scale_bar(panel, scale))
     bar = (panel.left + panel.width + 24, panel.top)
     over = float(np.max(finite, initial=0.0)) > limit
-    nodes += colour_bar(*bar, ("position error", "mm"), top, bound=top == limit, over=over)
-    words = f"x and y of the machine in mm, to scale. Bands: the tape, {plain(evidence.tape_width / MM)} mm wide. "
-    words += "Arrows: travel. Ring: the largest position error."
-    figure = svg(
-        panel.left + panel.width + 150, panel.top + panel.height + 24, *nodes, label="Plan view of the courses"
+    beyond = {"over": say("beyond the limit", "超出限值")} if over else {}
+    nodes += colour_bar(*bar, (say("position error", "位置误差"), "mm"), (0.0, limit), bound=True, beyond=beyond)
+    words = say(
+        "x and y of the machine in mm, to scale. Bands: the tape, {width} mm wide. Arrows: travel. Ring: the largest "
+        "position error. The colours end at the limit.",
+        "机床坐标 x 与 y，单位 mm，按比例。色带：带料，宽 {width} mm。箭头：行进方向。圆圈：位置误差最大处。"
+        "色标止于限值。",
+        width=plain(evidence.tape_width / MM),
     )
+    label = say("Plan view of the courses", "各道次俯视图")
+    figure = svg(panel.left + panel.width + 150, foot(panel) + 24, *nodes, label=label)
     return [element("figure", figure), element("p", words, class_="note")]
 
 
-def _classes(errors: Floats, top: float, limit: float) -> Ints:
-    """Return the colour (n,) of each error: 0 to COLOURS - 1 up to `top`, COLOURS beyond the limit or for NaN."""
+def _classes(errors: Floats, limit: float) -> Ints:
+    """Return the colour (n,) of each error: 0 to COLOURS - 1 up to the limit, COLOURS beyond it or for NaN."""
     inside: Mask = errors <= limit
-    scaled = np.floor(np.where(inside, errors, 0.0) / top * COLOURS).astype(np.int64)
+    scaled = np.floor(np.where(inside, errors, 0.0) / limit * COLOURS).astype(np.int64)
     return np.where(inside, np.minimum(scaled, COLOURS - 1), COLOURS)
 
 

@@ -148,11 +148,11 @@ ROWS: tuple[Row[Evidence], ...] = (
     count(
         "courses",
         Words("courses", "道次数"),
-        Words("courses in the course file", "轨迹文件中的道次数"),
+        Words("courses in the course file", "道次文件中的道次数"),
         lambda e: e.courses,
     ),
     count(
-        "points", Words("points", "点数"), Words("points in the course file", "轨迹文件中的点数"), lambda e: e.points
+        "points", Words("points", "点数"), Words("points in the course file", "道次文件中的点数"), lambda e: e.points
     ),
     count(
         "blocks",
@@ -270,7 +270,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         Words(
             "contact off the course in the plane across the travel: root of normal² + lateral², at block ends and "
             "between",
-            "接触点在垂直于行进方向的平面内偏离轨迹的距离（法向与侧向的合成），在段末及段中检查",
+            "接触点在垂直于行进方向的平面内偏离道次的距离（法向与侧向的合成），在段末及段中检查",
         ),
         "mm",
         4,
@@ -278,14 +278,14 @@ ROWS: tuple[Row[Evidence], ...] = (
         required=True,
         headline=True,
         samples="position_errors",
-        curves=(("normal", "normal_errors"), ("lateral", "lateral_errors")),
+        curves=((Words("normal", "法向"), "normal_errors"), (Words("lateral", "侧向"), "lateral_errors")),
     ),
     Quantity(
         "max_chord_error_mm",
         Words("chord error", "弦高误差"),
         Words(
             "the same between block ends only: the blocks are straight in joint space, the course is not",
-            "仅段中的位置误差：程序段在关节空间是直线，轨迹不是",
+            "仅段中的位置误差：程序段在关节空间是直线，道次不是",
         ),
         "mm",
         4,
@@ -302,7 +302,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         required=True,
         headline=True,
         samples="tilts",
-        curves=(("tilt", "tilts"),),
+        curves=((Words("tilt", "倾斜"), "tilts"),),
     ),
     Quantity(
         "max_edge_lift_mm",
@@ -325,7 +325,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         lambda e: _largest(e.samples.heading_errors) / DEG,
         required=True,
         samples="heading_errors",
-        curves=(("heading", "heading_errors"),),
+        curves=((Words("heading", "航向"), "heading_errors"),),
     ),
     Quantity(
         "max_pitch_deg",
@@ -358,7 +358,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         Words("roller offset", "压辊偏移"),
         Words(
             "roller's centre off its exact place, one radius above the course along the normal",
-            "压辊中心偏离其精确位置（沿法向高出轨迹一个半径）的距离",
+            "压辊中心偏离其精确位置（沿法向高出道次一个半径）的距离",
         ),
         "mm",
         4,
@@ -374,7 +374,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         lambda e: _largest(e.samples.tape_errors) / MM,
         required=True,
         samples="tape_errors",
-        curves=(("tape", "tape_errors"),),
+        curves=((Words("tape", "送带"), "tape_errors"),),
     ),
     Quantity(
         "max_cut_error_mm",
@@ -390,8 +390,8 @@ ROWS: tuple[Row[Evidence], ...] = (
     ),
     Quantity(
         "max_blade_error_deg",
-        Words("blade error", "刀片角误差"),
-        Words("blade of a lowered knife off the direction of its line", "落下的刀片与其切割线方向的夹角"),
+        Words("blade error", "刀刃角误差"),
+        Words("blade of a lowered knife off the direction of its line", "落下的刀刃与其切割线方向的夹角"),
         "deg",
         4,
         lambda e: _largest(np.array([cut.blade_error for cut in e.tape.cuts])) / DEG,
@@ -415,7 +415,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         Words(
             "roller above the highest course point while the head goes from course to course; `null` where it never "
             "does",
-            "铺带头在道次之间移动时压辊高出最高轨迹点的距离；无过渡时为 `null`",
+            "铺带头在道次之间移动时压辊高出最高道次点的距离；无过渡时为 `null`",
         ),
         "mm",
         2,

@@ -136,6 +136,9 @@ class LayOutputSettings(OutputSettings, title="Output"):
 class Setup(JobSetup):
     """Everything that a tape-laying job needs beside its courses."""
 
+    # With the published form they are judged only then.
+    MEANT_WHERE_SET = frozenset({("verification", "max_roller_tilt_deg"), ("verification", "max_heading_error_deg")})
+
     part: Annotated[PartSettings, Field(description="where the part lies in the machine")] = PartSettings()
     machine: Annotated[MachineSettings, Field(description="the machine, where it differs from its URDF")] = (
         MachineSettings()

@@ -13,7 +13,7 @@ import numpy as np
 from tapelayer.arrays import Floats
 from tapelayer.laying.evidence import CutMade, Evidence, TapeLedger
 from tapelayer.reporting.drawing import element, px, svg, table, ticks
-from tapelayer.reporting.words import plain, shown
+from tapelayer.reporting.words import ENGLISH, NOT_MEASURED, Say, Words, plain, shown
 from tapelayer.units import DEG, MM
 from tapelayer.verification.limits import Limits
 
@@ -28,59 +28,76 @@ HATCH = 6.0
 SHOWN_ROWS = 200
 
 WASTES = {
-    "waste_mm": "waste before mm",
-    "waste_roll_mm": "for a new roll",
-    "waste_formula_mm": "by the angles",
-    "waste_knives_mm": "for a free knife",
+    "waste_mm": Words("waste before mm", "此前废料 mm"),
+    "waste_roll_mm": Words("for a new roll", "换卷"),
+    "waste_formula_mm": Words("by the angles", "角度与余量"),
+    "waste_knives_mm": Words("for a free knife", "等待切刀"),
 }
 CUT, BLADE = "max_cut_error_mm", "max_blade_error_deg"
-LEGEND = {"roll": "A roll begins", "first": "Knife 1", "second": "Knife 2", "over": "Beyond a limit, or not cut"}
+LEGEND = {
+    "roll": Words("A roll begins", "新卷起点"),
+    "first": Words("Knife 1", "切刀 1"),
+    "second": Words("Knife 2", "切刀 2"),
+    "over": Words("Beyond a limit, or not cut", "超出限值，或未切"),
+}
 
 
-def tape_view(evidence: Evidence, report: dict[str, Any]) -> list[Element]:
+def tape_view(evidence: Evidence, report: dict[str, Any], say: Say = ENGLISH) -> list[Element]:
     """Return the tape to scale, then its ledger by course, then its cuts.
 
     Args:
         evidence: the measurements of verification.
         report: its report as plain values.
+        say: the language.
     """
     tape, limits = evidence.tape, evidence.limits
     if not (tape.rows and all(math.isfinite(row.station) for row in tape.rows)):
-        return [element("p", "Nothing was measured on the tape.", class_="note")]
+        return [element("p", say("Nothing was measured on the tape.", "料带没有测量数据。"), class_="note")]
     return [
-        *_drawing(tape, evidence.tape_width / MM, limits),
-        element("h3", "By course"),
-        _ledger(report),
-        *_rest(len(tape.rows), "course"),
-        element("h3", "Cuts in the order of the tape"),
-        _cuts(tape.cuts, limits),
-        *_rest(len(tape.cuts), "cut"),
+        *_drawing(tape, evidence.tape_width / MM, limits, say),
+        element("h3", say("By course", "按道次")),
+        _ledger(report, say),
+        *_rest(len(tape.rows), Words("course", "个道次"), say),
+        element("h3", say("Cuts in the order of the tape", "沿带料顺序的切割")),
+        _cuts(tape.cuts, limits, say),
+        *_rest(len(tape.cuts), Words("cut", "次切割"), say),
     ]
 
 
-def _rest(count: int, what: str) -> list[Element]:
+def _rest(count: int, what: Words, say: Say) -> list[Element]:
     """Return a note on the number of rows that a table leaves out, if any."""
     more = count - SHOWN_ROWS
-    return [element("p", f"and {more:,} more {what}{'s' if more > 1 else ''}", class_="note")] if more > 0 else []
+    if more <= 0:
+        return []
+    english = f"{what.en}{'s' if more > 1 else ''}"
+    words = say("and {more:,} more {what}", "另有 {more:,} {what}", more=more, what=say(english, what.zh))
+    return [element("p", words, class_="note")]
 
 
-def _ledger(report: dict[str, Any]) -> Element:
+def _ledger(report: dict[str, Any], say: Say) -> Element:
     """Return the table of the tape by course, with totals."""
     courses = report["tape"]
     rows: list[list[Element | str]] = [
         [
             str(row["course"]),
-            *(shown(row[key], "", "z,.2f") for key in ("station_mm", "laid_mm", *WASTES)),
+            *(shown(row[key], "", "z,.2f", say.words(NOT_MEASURED)) for key in ("station_mm", "laid_mm", *WASTES)),
             str(row["laying_stops"]),
         ]
         for row in courses[:SHOWN_ROWS]
     ]
     totals = [f"{sum(row[key] or 0.0 for row in courses):z,.2f}" for key in ("laid_mm", *WASTES)]
-    rows.append([element("b", cell) for cell in ("all", "", *totals, f"{report['laying_stops']:,}")])
-    return table(("course", "starts at mm", "laid mm", *WASTES.values(), "stops while laying"), rows)
+    rows.append([element("b", cell) for cell in (say("all", "合计"), "", *totals, f"{report['laying_stops']:,}")])
+    headings = (
+        say("course", "道次"),
+        say("starts at mm", "起点带长 mm"),
+        say("laid mm", "铺放 mm"),
+        *(say.words(words) for words in WASTES.values()),
+        say("stops while laying", "铺放中停顿"),
+    )
+    return table(headings, rows)
 
 
-def _cuts(cuts: Sequence[CutMade], limits: Limits) -> Element:
+def _cuts(cuts: Sequence[CutMade], limits: Limits, say: Say) -> Element:
     """Return the table of the cuts in order along the tape; values beyond their limit are red."""
     rows: list[list[Element | str]] = [
         [
@@ -91,21 +108,27 @@ def _cuts(cuts: Sequence[CutMade], limits: Limits) -> Element:
             element("span", str(cut.knife), class_=f"key {_colour(cut)}"),
             str(cut.block),
             str(cut.line or ""),
-            _judged(cut.error / MM, limits[CUT].value),
-            _judged(cut.blade_error / DEG, limits[BLADE].value),
+            _judged(cut.error / MM, limits[CUT].value, say),
+            _judged(cut.blade_error / DEG, limits[BLADE].value, say),
         ]
         for cut in cuts[:SHOWN_ROWS]
     ]
     headings = (
-        *("cut at mm", "angle deg", "ends course", "starts course", "knife", "block", "line"),
-        f"error mm, limit {plain(limits[CUT].value)}",
-        f"blade deg, limit {plain(limits[BLADE].value)}",
+        say("cut at mm", "切割位置 mm"),
+        say("angle deg", "角度 deg"),
+        say("ends course", "结束道次"),
+        say("starts course", "开始道次"),
+        say("knife", "切刀"),
+        say("block", "程序段"),
+        say("line", "行"),
+        say("error mm, limit {limit}", "误差 mm，限值 {limit}", limit=plain(limits[CUT].value)),
+        say("blade deg, limit {limit}", "刀片 deg，限值 {limit}", limit=plain(limits[BLADE].value)),
     )
     return table(headings, rows)
 
 
-def _judged(value: float, limit: float) -> Element | str:
-    words = f"{value:z.4f}" if math.isfinite(value) else "not measured"
+def _judged(value: float, limit: float, say: Say) -> Element | str:
+    words = f"{value:z.4f}" if math.isfinite(value) else say.words(NOT_MEASURED)
     return words if value <= limit else element("span", words, class_="bad")
 
 
@@ -113,7 +136,7 @@ def _colour(cut: CutMade) -> str:
     return "first" if cut.knife == 1 else "second"
 
 
-def _drawing(tape: TapeLedger, width: float, limits: Limits) -> list[Element]:
+def _drawing(tape: TapeLedger, width: float, limits: Limits, say: Say) -> list[Element]:
     """Return the tape of a width in millimetres to scale, broken into strips, under a legend of its colours."""
     laid, uncut = _courses(tape)
     waste, rolls = _waste(laid, np.array([row.waste_roll for row in tape.rows]) / MM)
@@ -127,19 +150,31 @@ def _drawing(tape: TapeLedger, width: float, limits: Limits) -> list[Element]:
     count = max(1, min(round(full), STRIPS), round(full * LEAST_HEIGHT / HEIGHT))
     height = min(HEIGHT * count / full, MOST_HEIGHT)
 
-    words = f"To scale, {plain(width)} mm wide; stations in mm. Courses are laid from left to right, and left of the "
-    words += "travel is up. Hatched: waste. "
-    keys = [element("span", words, class_=f"key {style}") for style, words in LEGEND.items() if len(lines[style])]
-    nodes = [element("p", words, *(part for key in keys for part in (key, ". ")), class_="note")]
+    words = say(
+        "To scale, {width} mm wide; stations in mm. Courses are laid from left to right, and left of the travel is up. "
+        "Hatched: waste. ",
+        "按比例，带宽 {width} mm；带长位置单位 mm。道次从左向右铺放，行进方向左侧朝上。剖面线：废料。",
+        width=plain(width),
+    )
+    keys = [
+        element("span", say.words(words), class_=f"key {style}") for style, words in LEGEND.items() if len(lines[style])
+    ]
+    nodes = [element("p", words, *(part for key in keys for part in (key, say(". ", "。"))), class_="note")]
     for number in range(min(count, MOST_STRIPS)):
         begin, end = (low + (high - low) * place / count for place in (number, number + 1))
         strip = _TapeStrip(begin, end, height / width, height)
         paths = {"laid": strip.outlines(laid), "hatch": strip.hatch(waste)}
         paths |= {f"line cut {style}": strip.across(own) for style, own in lines.items()}
         drawn = [element("path", d=path, class_=style) for style, path in paths.items() if path]
-        nodes.append(element("figure", strip.figure(drawn + strip.labels(laid, numbers))))
+        nodes.append(element("figure", strip.figure(drawn + strip.labels(laid, numbers), say)))
     if count > MOST_STRIPS:
-        nodes.append(element("p", f"Drawn up to {strip.end:,.0f} mm of {high:,.0f} mm.", class_="note"))
+        words = say(
+            "Drawn up to {end:,.0f} mm of {all:,.0f} mm.",
+            "绘至 {end:,.0f} mm，共 {all:,.0f} mm。",
+            end=strip.end,
+            all=high,
+        )
+        nodes.append(element("p", words, class_="note"))
     return nodes
 
 
@@ -199,7 +234,7 @@ class _TapeStrip:
     scale: float
     height: float
 
-    def figure(self, drawn: Sequence[Element]) -> Element:
+    def figure(self, drawn: Sequence[Element], say: Say) -> Element:
         """Return the strip with its stations below."""
         length = (self.end - self.begin) * self.scale
         tape = element("svg", *drawn, x=px(MARGIN), y=4, width=px(length), height=px(self.height))
@@ -209,7 +244,12 @@ class _TapeStrip:
             at = px(MARGIN + (tick - self.begin) * self.scale)
             nodes.append(element("path", d=f"M{at} {px(bottom)}v3", class_="axis"))
             nodes.append(element("text", plain(tick), x=at, y=px(bottom + 14), class_="tick middle"))
-        label = f"Tape from {self.begin:,.0f} to {self.end:,.0f} mm"
+        label = say(
+            "Tape from {begin:,.0f} to {end:,.0f} mm",
+            "带料 {begin:,.0f} 至 {end:,.0f} mm",
+            begin=self.begin,
+            end=self.end,
+        )
         return svg(WIDTH + 2 * MARGIN, bottom + 20, *nodes, label=label)
 
     def _corners(self, lines: Floats) -> Floats:

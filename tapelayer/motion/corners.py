@@ -13,7 +13,7 @@ from tapelayer.arrays import Floats, Frozen, Ints, Mask
 Corner = Literal["none", "stop", "linuxcnc", "look_ahead"]
 # A corner sharper than this is a reversal, which LinuxCNC never passes without a stop.
 REVERSAL = 1.0 - 0.5 * math.radians(2.0) ** 2
-# Share of the acceleration that LinuxCNC leaves for a blend arc.
+# Share of the acceleration that turning on an arc may take; the ramps have what is left of the whole.
 ARC_SHARE = math.sqrt(3.0) / 2.0
 # LinuxCNC keeps a block that follows a tangent corner a little longer than a servo cycle.
 OVER_A_CYCLE = 1.02
@@ -29,6 +29,7 @@ class Rule:
         corner: `none`: every axis reaches its speed at once; `stop`: a full stop at every block's end; `linuxcnc`: its
             trajectory planner; `look_ahead`: over any number of blocks, corners rounded within the tolerance.
         paths: groups of columns; the first that moves in a block sets its path, all columns where none does.
+        digits: last written digit of every column, metres and radians; empty where positions are not written.
         rotary: columns of rotary axes.
         outputs: columns that the control does not interpolate: they turn while all else stands still.
         switching: whether a switching word lets the motion go on, or stops it.
@@ -41,6 +42,7 @@ class Rule:
 
     corner: Corner = "none"
     paths: tuple[tuple[int, ...], ...] = ()
+    digits: tuple[float, ...] = ()
     rotary: frozenset[int] = frozenset()
     outputs: frozenset[int] = frozenset()
     switching: Literal["on_the_fly", "stops"] = "on_the_fly"
@@ -61,6 +63,14 @@ class Rule:
         A chord that is balanced about its curve leaves corners of twice that to round off.
         """
         return 2.0 * allowed if self.stated else self.tolerance
+
+    def written(self, positions: Floats) -> Floats:
+        """Return positions (n, k) in metres and radians as the control reads them, to its last written digits."""
+        if not self.digits:
+            return positions
+        digits = np.array(self.digits)
+        rounded: Floats = np.round(positions / digits) * digits
+        return rounded
 
     @property
     def ramp_share(self) -> float:
@@ -87,7 +97,9 @@ class Chain(Frozen):
     """Moving blocks in order, as a corner rule sees them.
 
     Attributes:
-        directions: (m, k) change of every axis per path unit.
+        begins: (m, k) change of every axis per path unit at the block's beginning.
+        ends: (m, k) the same at its end, which differs where the block is an arc.
+        shares: (m, k) greatest of that change anywhere in the block.
         xyz: columns of X, Y, Z in it.
         lengths: (m,) path units.
         speeds: (m,) greatest path speed, by feed word and axes.
@@ -101,7 +113,9 @@ class Chain(Frozen):
         broken: (m,) whether words after a block let the control finish all motion.
     """
 
-    directions: Floats
+    begins: Floats
+    ends: Floats
+    shares: Floats
     xyz: tuple[int, ...]
     lengths: Floats
     speeds: Floats
@@ -160,7 +174,7 @@ def passing(chain: Chain, rule: Rule) -> Passing:
 
 def _turns(chain: Chain) -> Floats:
     """Return the change of direction (m - 1, k) of every axis at each corner."""
-    turns: Floats = np.abs(np.diff(chain.directions, axis=0))
+    turns: Floats = np.abs(chain.begins[1:] - chain.ends[:-1])
     return turns
 
 
@@ -191,18 +205,15 @@ def _linuxcnc(chain: Chain, rule: Rule) -> Passing:
     Where only X, Y, Z move, a corner is also passed at speed if it is straight enough, and its kink is taken off the
     acceleration of both blocks; or on an arc within the tolerance.
     """
-    xyz = chain.directions[:, chain.xyz]
-    lengths = np.linalg.norm(xyz, axis=1, keepdims=True)
-    # Two blocks without X Y Z count as straight, whatever the other axes do.
-    units = np.where(lengths > 0.0, xyz / np.where(lengths > 0.0, lengths, 1.0), np.eye(1, len(chain.xyz)))
-    others = np.any(np.delete(chain.directions, chain.xyz, axis=1) != 0.0, axis=1)
+    leaving, entering = _units(chain.ends[:-1, chain.xyz]), _units(chain.begins[1:, chain.xyz])
+    others = np.any(np.delete(chain.shares, chain.xyz, axis=1) != 0.0, axis=1)
     blended = chain.tolerances > 0.0
     speeds = np.minimum(chain.speeds, chain.lengths / rule.cycle)
     tops = np.minimum(chain.tops, chain.lengths / rule.cycle)
-    cosines = np.sum(units[:-1] * units[1:], axis=1)
+    cosines = np.sum(leaving * entering, axis=1)
     half = np.cos(np.arccos(np.clip(-cosines, -1.0, 1.0)) / 2.0)
     reached = np.minimum(speeds[:-1], speeds[1:])
-    swing = np.abs(np.diff(units, axis=0)) * (reached / rule.cycle + chain.accelerations[1:])[:, None]
+    swing = np.abs(entering - leaving) * (reached / rule.cycle + chain.accelerations[1:])[:, None]
     kinks = np.max(swing / chain.axes[list(chain.xyz)], axis=1, initial=0.0)
     plain, reversed_ = ~others[:-1] & ~others[1:], cosines < -REVERSAL
     kinked = chain.joined & plain & ~reversed_
@@ -226,6 +237,13 @@ def _linuxcnc(chain: Chain, rule: Rule) -> Passing:
     arcs = np.append(radii * 2.0 * np.arcsin(half), 0.0)
     pauses = np.where(stops, rule.cycle / 2.0, 0.0)
     return Passing(speeds, accelerations, caps, onsets, pauses, np.zeros(len(speeds)), trims, arcs)
+
+
+def _units(xyz: Floats) -> Floats:
+    """Return the directions (m, 3) of changes (m, 3) of X, Y, Z; those without any all count as the same."""
+    lengths = np.linalg.norm(xyz, axis=1, keepdims=True)
+    units: Floats = np.where(lengths > 0.0, xyz / np.where(lengths > 0.0, lengths, 1.0), np.eye(1, xyz.shape[1]))
+    return units
 
 
 def _passed(

@@ -15,7 +15,7 @@ import numpy as np
 from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.machines.machine import Axis
 from tapelayer.motion.clock import Blends, Clock
-from tapelayer.motion.corners import Chain, Passing, Rule, passing
+from tapelayer.motion.corners import ARC_SHARE, Chain, Passing, Rule, passing
 from tapelayer.motion.trajectory import CIRCULAR, MOTIONS, Event, Kind, Trajectory
 from tapelayer.units import DEG, MM
 
@@ -214,8 +214,15 @@ def clock_of(trajectory: Trajectory, limits: Limits, rule: Rule) -> Clock:
         tops = lengths[rows] / np.max(moved / limits.speed[columns], axis=1)
         accelerations = np.minimum(lengths[rows] / np.max(moved / axes, axis=1), AT_ONCE)
         speeds = np.minimum(tops, lengths[rows] / asked[rows])
+    begins, ends = (
+        trajectory.derivatives(rows, np.full(len(rows), end))[:, columns] / lengths[rows, None] for end in (0.0, 1.0)
+    )
+    bends = np.max(trajectory.extremes(rows)[1][:, columns] / axes, axis=1) / lengths[rows] ** 2
+    speeds, tops, accelerations = _turning(bends, speeds, tops, accelerations)
     chain = Chain(
-        directions=steps[rows][:, columns] / lengths[rows, None],
+        begins=begins,
+        ends=ends,
+        shares=moved / lengths[rows, None],
         xyz=tuple(columns.index(column) for column in (rule.paths or ((),))[0] if column in columns),
         lengths=lengths[rows],
         speeds=speeds,
@@ -254,6 +261,23 @@ def _paths(trajectory: Trajectory, steps: Floats, columns: Sequence[int], rule: 
         steps[circular[:, None], arcs.axes] = turned[:, None]
     # What is shorter than rounding leaves is no motion.
     return np.where(lengths > NO_MOTION, lengths, 0.0), numbers
+
+
+def _turning(bends: Floats, speeds: Floats, tops: Floats, accelerations: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return speeds, tops and path accelerations (m,) of blocks that turn, so that no axis exceeds its acceleration.
+
+    On an arc the turning takes up to a set share of the acceleration, the ramps what is left of it.
+
+    Args:
+        bends: (m,) share of an axis's acceleration that turning takes per square of the path speed; 0 for straights.
+        speeds: (m,) greatest path speed.
+        tops: (m,) greatest path speed by the axes alone.
+        accelerations: (m,) greatest path acceleration.
+    """
+    with np.errstate(divide="ignore"):
+        bound = np.sqrt(ARC_SHARE / bends)
+    speeds, tops = np.minimum(speeds, bound), np.minimum(tops, bound)
+    return speeds, tops, accelerations * np.sqrt(1.0 - (bends * speeds**2) ** 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -363,7 +387,7 @@ def _stretch(
     axis needs to reach its acceleration: the speed is averaged over that time.
     """
     with np.errstate(divide="ignore"):
-        along = 1.0 / np.max(np.abs(chain.directions) / jerks, axis=1)
+        along = 1.0 / np.max(chain.shares / jerks, axis=1)
     stops = (last == 0.0) & (overlaps == 0.0)
     runs = np.cumsum(np.append(0, stops[:-1]))
     total = np.bincount(runs, seconds) - np.bincount(runs, overlaps)

@@ -11,14 +11,15 @@ import numpy as np
 from tapelayer.arrays import Floats
 from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.reporting.drawing import Panel, PlotCurve, element, heading_of, px, range_of, svg
+from tapelayer.reporting.words import ENGLISH, Say
 from tapelayer.verification.axis_use import AxisUse
 
 
-def axis_plots(axes: Sequence[AxisUse], trajectory: Trajectory) -> list[Element]:
+def axis_plots(axes: Sequence[AxisUse], trajectory: Trajectory, say: Say = ENGLISH) -> list[Element]:
     """Return plots of position and speed of every axis over the program's time."""
     moves = np.flatnonzero(trajectory.durations > 0.0)
     if not 0.0 < trajectory.duration < math.inf:
-        return [element("p", "The program's time is not known.", class_="note")]
+        return [element("p", say("The program's time is not known.", "程序用时未知。"), class_="note")]
     ends = trajectory.times[moves]
     begins = ends - trajectory.durations[moves]
     rapid = trajectory.kinds[moves] == Kind.RAPID
@@ -29,8 +30,12 @@ def axis_plots(axes: Sequence[AxisUse], trajectory: Trajectory) -> list[Element]
     nodes = [
         element(
             "p",
-            "Over time in s. Dashed: travel and speed limits of the machine. Grey: rapids, which run at the control's "
-            "own speed; the speeds are those of the feed blocks.",
+            say(
+                "Over time in s. Dashed: travel and speed limits of the machine. Grey: rapids, which run at the "
+                "control's own speed; the speeds are those of the feed blocks.",
+                "横轴：时间 s。虚线：机床的行程与速度上限。灰色：快移，按数控系统自身速度运行；"
+                "速度曲线只含进给程序段。",
+            ),
             class_="note",
         )
     ]
@@ -48,8 +53,9 @@ def axis_plots(axes: Sequence[AxisUse], trajectory: Trajectory) -> list[Element]
         right = Panel(571, 18, 424, 84, span, (0.0, range_of([speed], [0.0, *top])[1]))
         drawn = [_bands(panel, begins[rapid], ends[rapid]) for panel in (left, right)]
         drawn += left.drawn(heading_of((axis.name, "first"), (f" {unit}", "")), [position], travel)
-        drawn += right.drawn(heading_of((axis.name, "first"), (f" speed {unit}/s", "")), [speed], top)
-        nodes.append(element("figure", svg(1016, 120, *drawn, label=f"Axis {axis.name}: position and speed over time")))
+        drawn += right.drawn(heading_of((axis.name, "first"), (f" {say('speed', '速度')} {unit}/s", "")), [speed], top)
+        label = say("Axis {name}: position and speed over time", "{name} 轴：位置与速度对时间", name=axis.name)
+        nodes.append(element("figure", svg(1016, 120, *drawn, label=label)))
     return nodes
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -14,6 +14,8 @@ from tapelayer.reporting.words import plain
 # Number of colours of a scale, and largest size of a plan's drawing in pixels.
 COLOURS = 10
 WIDTH, HEIGHT = 760.0, 560.0
+# Height in pixels of all marks beside a plan: heading and colours, those beyond the scale, and the scale bar.
+MARKS = 280.0
 
 
 def plan_panel(low: Floats, high: Floats) -> tuple[Panel, float]:
@@ -22,19 +24,6 @@ def plan_panel(low: Floats, high: Floats) -> tuple[Panel, float]:
     size = (high - low) * scale
     spans = (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
     return Panel(64, 18, round(size[0]), round(size[1]), *spans), scale
-
-
-def round_up(value: float) -> float:
-    """Return the next 1, 2 or 5 times a power of ten, and at least 0.001, a micrometre in millimetres.
-
-    Examples:
-        >>> round_up(0.03), round_up(6.0), round_up(0.0)
-        (0.05, 10.0, 0.001)
-    """
-    if not value > 1e-3:
-        return 1e-3
-    power = 10.0 ** math.floor(math.log10(value))
-    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= value * (1 - 1e-9))
 
 
 def heading(begin: Floats, end: Floats) -> Floats:
@@ -83,7 +72,13 @@ def arrowhead(tip: Floats, ahead: Floats, length: float, half_width: float) -> s
 
 
 def colour_bar(
-    left: float, top: float, words: tuple[str, str], highest: float, *, bound: bool = False, over: bool = False
+    left: float,
+    top: float,
+    words: tuple[str, str],
+    span: tuple[float, float],
+    beyond: Mapping[str, str],
+    *,
+    bound: bool = False,
 ) -> list[Element]:
     """Return a bar of the colours with their values.
 
@@ -91,19 +86,24 @@ def colour_bar(
         left: of the bar, pixels.
         top: of the bar, pixels.
         words: what the colours mean, in two lines.
-        highest: value at the end of the colours, which begin at 0.
-        bound: whether the end is a limit.
-        over: whether the colour for values beyond the limit is shown, too.
+        span: values at the ends of the colours.
+        beyond: names of the colours for values outside: `over` stands above the bar, the others below it.
+        bound: whether the upper end is a limit.
     """
+    low, high = span
     size = 14.0
     nodes = [
         element("text", line, x=px(left), y=px(top + down), class_="tick")
         for line, down in zip(words, (8, 20), strict=True)
     ]
     top += 30
-    if over:
-        nodes.append(element("rect", x=px(left), y=px(top), width=16, height=size, class_="fill over"))
-        nodes.append(element("text", "beyond the limit", x=px(left + 21), y=px(top + 10), class_="tick bound"))
+
+    def swatch(style: str, down: float) -> None:
+        nodes.append(element("rect", x=px(left), y=px(down), width=16, height=size, class_=f"fill {style}"))
+        nodes.append(element("text", beyond[style], x=px(left + 21), y=px(down + 10), class_="tick"))
+
+    if "over" in beyond:
+        swatch("over", top)
         top += size + 6
     for colour in range(COLOURS):
         down = top + size * (COLOURS - 1 - colour)
@@ -111,13 +111,25 @@ def colour_bar(
     for i in range(0, COLOURS + 1, 2):
         at = top + size * (COLOURS - i)
         style = "tick bound" if i == COLOURS and bound else "tick"
-        nodes.append(element("text", plain(highest * i / COLOURS), x=px(left + 21), y=px(at + 4), class_=style))
+        value = low + (high - low) * i / COLOURS
+        nodes.append(element("text", f"{value:z,.4g}", x=px(left + 21), y=px(at + 4), class_=style))
+    top += size * COLOURS
+    for style in beyond:
+        if style != "over":
+            top += 6
+            swatch(style, top)
+            top += size
     return nodes
+
+
+def foot(panel: Panel) -> float:
+    """Return where a plan ends, in pixels: at its own foot, or below the marks beside it."""
+    return panel.top + max(float(panel.height), MARKS)
 
 
 def scale_bar(panel: Panel, scale: float) -> Element:
     """Return a bar of a round length, to the right of the plan at its foot."""
     length = ticks(0.0, 90.0 / scale, 3)[-1]
-    left, down = panel.left + panel.width + 24, panel.top + panel.height
+    left, down = panel.left + panel.width + 24, foot(panel)
     bar = element("path", d=f"M{px(left)} {px(down - 4)}v4h{px(length * scale)}v-4", class_="scale")
     return element("g", bar, element("text", f"{plain(length)} mm", x=px(left), y=px(down - 8), class_="tick"))

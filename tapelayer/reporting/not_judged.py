@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tapelayer.reporting.words import Words
+from tapelayer.reporting.words import ENGLISH, Say, Words
 
 COLLISION = Words("collision", "碰撞")
 ACCELERATION = Words("acceleration", "加速度")
@@ -30,10 +30,13 @@ def english(names: tuple[Words, ...]) -> tuple[str, ...]:
     return tuple(words.en for words in names)
 
 
-def sentence(names: tuple[str, ...] | list[str]) -> str:
+def sentence(names: tuple[Words, ...], say: Say = ENGLISH) -> str:
     """Return what is not judged as one line; empty if everything is.
 
-    >>> sentence(["collision", "acceleration"]), sentence([])
-    ('not judged: collision, acceleration', '')
+    >>> sentence((COLLISION, ACCELERATION)), sentence((COLLISION, ACCELERATION), Say("zh")), sentence(())
+    ('not judged: collision, acceleration', '未判定：碰撞、加速度', '')
     """
-    return f"not judged: {', '.join(names)}" if names else ""
+    if not names:
+        return ""
+    listed = say(", ", "、").join(say.words(name) for name in names)
+    return say("not judged: {listed}", "未判定：{listed}", listed=listed)

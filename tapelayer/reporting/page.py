@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.resources import files
 from typing import Any
 from xml.etree.ElementTree import Element, tostring
 
 from tapelayer.reporting.drawing import element, px, svg, table
+from tapelayer.reporting.failure_names import failure_name
 from tapelayer.reporting.not_judged import sentence
 from tapelayer.reporting.quantity import Group, Measured, Quantity, Row, quantities
-from tapelayer.reporting.words import plain, shown, worded
+from tapelayer.reporting.words import NOT_FINITE, NOT_JUDGED, Say, Words, plain, shown
 from tapelayer.verification.axis_use import AxisUse
 from tapelayer.verification.limits import Limits
 
@@ -20,82 +21,128 @@ STYLE = files("tapelayer.reporting").joinpath("page.css").read_text(encoding="ut
 
 Cells = list[Element | str]
 
+PLACES = {
+    "course": Words("course", "道次"),
+    "pass": Words("pass", "喷涂道次"),
+    "point": Words("point", "点"),
+    "line": Words("line", "行"),
+}
 
-def document(title: str, verdict: Element, sections: Sequence[Element], style: str = "") -> str:
+
+def document(report: dict[str, Any], verdict: Element, sections: Sequence[Element], say: Say, style: str = "") -> str:
     """Return the text of an HTML page for screens, light and dark, and for printing.
 
     Args:
-        title: name of the program.
+        report: plain values; its subject gives the page's title.
         verdict: verdict in one line.
         sections: the other elements, in order.
+        say: the language.
         style: more CSS.
     """
-    # A file name may hold bytes that are not text; they are shown as escapes.
-    name = printable(title)
-    header = element("header", element("h1", "Verification of ", element("span", name, class_="name")), verdict)
+    subject = report["subject"]
+    name = subject["program"]["name"] or subject["sources"][0]["name"] or ""
+    title = say("Verification of ", "校验报告：")
+    header = element("header", element("h1", title, element("span", name, class_="name")), verdict)
     head = element(
         "head",
         element("meta", charset="utf-8"),
         element("meta", http_equiv="Content-Security-Policy", content="default-src 'none'; style-src 'unsafe-inline'"),
         element("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        element("title", f"Verification of {name}"),
+        element("title", f"{title}{name}"),
         element("style", STYLE + style),
     )
-    page = element("html", head, element("body", header, *sections), lang="en")
+    main = element("main", *_scrolled(sections))
+    body = element("body", header, _contents(sections, say), main)
+    page = element("html", head, body, lang=say("en", "zh-CN"))
     return "<!DOCTYPE html>\n" + tostring(page, encoding="unicode", method="html") + "\n"
 
 
-def printable(name: str) -> str:
-    r"""Return a file name with the bytes that are no text as escapes.
+def _contents(sections: Sequence[Element], say: Say) -> Element:
+    """Give the headings of the sections their places, and return the table of contents that leads to them."""
+    headings = [node for node in sections if node.tag == "h2"]
+    links = []
+    for number, heading in enumerate(headings, 1):
+        heading.set("id", f"section-{number}")
+        links.append(element("li", element("a", "".join(heading.itertext()), href=f"#section-{number}")))
+    return element("nav", element("ol", *links), aria_label=say("Contents", "目录"))
 
-    Examples:
-        >>> printable("panel\udcff.nc")
-        'panel\\udcff.nc'
-    """
-    return name.encode(errors="backslashreplace").decode()
+
+def _scrolled(sections: Sequence[Element]) -> Iterator[Element]:
+    """Yield the sections, each table in a box that scrolls where it is wider than the page."""
+    heading = ""
+    for node in sections:
+        if node.tag in ("h2", "h3"):
+            heading = "".join(node.itertext())
+        if node.tag == "table":
+            yield element("div", node, class_="scroll", tabindex=0, role="group", aria_label=heading)
+        else:
+            yield node
 
 
-def verdict(rows: Sequence[Row[Measured]], report: dict[str, Any], limits: Limits, parts: str) -> Element:
+def verdict(
+    rows: Sequence[Row[Measured]],
+    report: dict[str, Any],
+    limits: Limits,
+    parts: tuple[str, Words],
+    not_judged: tuple[Words, ...],
+    say: Say,
+) -> Element:
     """Return the verdict in one line, naming quantities beyond a limit that is not judged.
 
     Args:
         rows: of the kind of machine.
         report: its plain values.
         limits: of the setup.
-        parts: key of the number of courses or passes.
+        parts: key of the number of courses or passes, and their name.
+        not_judged: what the verdict does not cover.
+        say: the language.
     """
     failures = report["failures"]
+    free: Cells = [say("; ", "；"), element("span", sentence(not_judged, say), class_="free")] if not_judged else []
     if failures:
-        first = _sentence(failures[0])
-        words = f"FAILED: {len(failures):,} failure{'s' if len(failures) > 1 else ''}, the first: {first}"
-        return element("p", words, *_free(report), class_="verdict failed")
-    kept = "every limit" if all(limit.judged for limit in limits.values()) else "every limit that is judged"
-    words = f"PASSED: {report['blocks']:,} blocks over {report[parts]:,} {parts} keep {kept}"
+        words = say(
+            "FAILED: {count:,} failure{s}, the first: {first}",
+            "不合格：{count:,} 项，第一项：{first}",
+            count=len(failures),
+            s="s" if len(failures) > 1 else "",
+            first=_sentence(failures[0], rows, say),
+        )
+        return element("p", words, *free, class_="verdict failed")
+    every = all(limit.judged for limit in limits.values())
     position = next(row for row in quantities(rows) if row.key == "max_position_error_mm")
-    words += f"; {position.words.en} {position.shown(report[position.key])}"
+    words = say(
+        "PASSED: {blocks:,} blocks over {count:,} {parts} keep {kept}; {name} {value}",
+        "合格：{count:,} 个{parts}、{blocks:,} 个程序段符合{kept}；{name} {value}",
+        blocks=report["blocks"],
+        count=report[parts[0]],
+        parts=say.words(parts[1]),
+        kept=say("every limit", "全部限值") if every else say("every limit that is judged", "全部已判定的限值"),
+        name=say.words(position.words),
+        value=position.shown(report[position.key], say=say),
+    )
     beyond = [
-        f"{row.words.en} {row.shown(report[row.key])}"
+        f"{say.words(row.words)} {row.shown(report[row.key], say=say)}"
         for row in quantities(rows)
         if row.key in limits and not limits[row.key].judged and not limits[row.key].kept(report[row.key])
     ]
     if not beyond:
-        return element("p", words, *_free(report), class_="verdict passed")
-    return element("p", f"{words}. NOT JUDGED: {', '.join(beyond)}", *_free(report), class_="verdict unjudged")
+        return element("p", words, *free, class_="verdict passed")
+    listed = say(", ", "、").join(beyond)
+    words += say(". NOT JUDGED: {listed}", "。未作判定：{listed}", listed=listed)
+    return element("p", words, *free, class_="verdict unjudged")
 
 
-def _free(report: dict[str, Any]) -> list[Element | str]:
-    """Return what no verdict on the program covers, to stand beside it; nothing if there is none."""
-    names = report["not_judged"]
-    return ["; ", element("span", sentence(names), class_="free")] if names else []
-
-
-def _sentence(failure: dict[str, Any]) -> str:
-    words, unit = worded(failure["what"])
-    place = "".join(f"{key} {failure[key]} " for key in (*_part_keys(failure), "point") if failure[key])
+def _sentence(failure: dict[str, Any], rows: Sequence[Row[Measured]], say: Say) -> str:
+    words, unit = failure_name(failure["what"], rows, say)
+    place = "".join(
+        f"{say.words(PLACES[key])} {failure[key]} " for key in (*_part_keys(failure), "point") if failure[key]
+    )
     if failure["value"] is None:
-        return f"{place}{words} has no finite value"
-    limit = "" if failure["limit"] is None else f", limit {failure['limit']:.6g} {unit}"
-    return f"{place}{words} is {failure['value']:.6g} {unit}".rstrip() + limit.rstrip()
+        return place + say("{words} has no finite value", "{words} 无有限值", words=words)
+    found = f"{place}{words} {say('is ', '')}{failure['value']:.6g} {unit}".rstrip()
+    limit = failure["limit"]
+    bound = "" if limit is None else say(", limit {limit}", "，限值 {limit}", limit=f"{limit:.6g} {unit}".rstrip())
+    return found + bound
 
 
 def _part_keys(failure: dict[str, Any]) -> list[str]:
@@ -104,30 +151,42 @@ def _part_keys(failure: dict[str, Any]) -> list[str]:
     return keys[: keys.index("point")]
 
 
-def facts(rows: Sequence[Row[Measured]], report: dict[str, Any], more: Sequence[tuple[str, str]]) -> Element:
+def facts(rows: Sequence[Row[Measured]], report: dict[str, Any], more: Sequence[tuple[str, str]], say: Say) -> Element:
     """Return the facts of a program as words and values, with further ones."""
-    pairs = [(row.words.en, row.shown(report[row.key])) for row in quantities(rows, Group.FACT)]
-    pairs += [*more, ("tapelayer", report["version"]), ("SHA-256 of the program", report["program_sha256"])]
-    return element("dl", *(element("div", element("dt", words), element("dd", value)) for words, value in pairs))
+    pairs = [(say.words(row.words), row.shown(report[row.key], say=say)) for row in quantities(rows, Group.FACT)]
+    return element(
+        "dl", *(element("div", element("dt", words), element("dd", value)) for words, value in [*pairs, *more])
+    )
 
 
-def failures_table(failures: Sequence[dict[str, Any]]) -> list[Element]:
+def failures_table(rows: Sequence[Row[Measured]], failures: Sequence[dict[str, Any]], say: Say) -> list[Element]:
     """Return the table of failures with their places; nothing where there are none."""
     if not failures:
         return []
     keys = [*_part_keys(failures[0]), "point", "line"]
 
     def cells(failure: dict[str, Any]) -> Cells:
-        words, unit = worded(failure["what"])
+        words, unit = failure_name(failure["what"], rows, say)
         places = [str(failure.get(key) or "") for key in keys]
         limit = "" if failure["limit"] is None else f"{failure['limit']:.6g} {unit}"
-        return [*places, words, shown(failure["value"], unit, ".6g", "no finite value"), limit]
+        return [*places, words, shown(failure["value"], unit, ".6g", say.words(NOT_FINITE)), limit]
 
-    return listing("Failures", failures, cells, (*keys, "what", "found", "limit"), class_="failures")
+    headings = (
+        *(say.words(PLACES[key]) for key in keys),
+        say("what", "项目"),
+        say("found", "实测"),
+        say("limit", "限值"),
+    )
+    return listing(say("Failures", "不合格项"), failures, cells, headings, say, class_="failures")
 
 
 def listing(
-    title: str, rows: Sequence[Any], cells: Callable[[Any], Cells], headings: Sequence[str], class_: str = ""
+    title: str,
+    rows: Sequence[Any],
+    cells: Callable[[Any], Cells],
+    headings: Sequence[str],
+    say: Say,
+    class_: str = "",
 ) -> list[Element]:
     """Return a heading and a table of the first rows, with a count of the rest; nothing where there are no rows."""
     if not rows:
@@ -135,36 +194,53 @@ def listing(
     nodes = [element("h2", title), table(headings, [cells(row) for row in rows[:SHOWN_ROWS]], class_=class_)]
     more = len(rows) - SHOWN_ROWS
     if more > 0:
-        nodes.append(element("p", f"and {more:,} more", class_="note"))
+        nodes.append(element("p", say("and {more:,} more", "另有 {more:,} 项", more=more), class_="note"))
     return nodes
 
 
-def quantities_table(rows: Sequence[Row[Measured]], report: dict[str, Any], limits: Limits) -> Element:
+def quantities_table(rows: Sequence[Row[Measured]], report: dict[str, Any], limits: Limits, say: Say) -> Element:
     """Return the table of quantities against their limits."""
-    cells = [_quantity_cells(row, report[row.key], limits) for row in quantities(rows, Group.ERROR)]
-    return table(("quantity", "found", "", "limit", "of limit", ""), cells, class_="numbers")
+    cells = [_quantity_cells(row, report[row.key], limits, say) for row in quantities(rows, Group.ERROR)]
+    headings = (
+        say("quantity", "量"),
+        say("found", "实测"),
+        say("unit", "单位"),
+        say("limit", "限值"),
+        say("of limit", "占限值"),
+        say("share drawn", "占比图"),
+    )
+    return table(headings, cells, class_="numbers")
 
 
-def _quantity_cells(row: Quantity[Measured], value: float | None, limits: Limits) -> Cells:
-    cells: Cells = [row.words.en, row.shown(value, with_unit=False), row.unit]
+def _quantity_cells(row: Quantity[Measured], value: float | None, limits: Limits, say: Say) -> Cells:
+    cells: Cells = [say.words(row.words), row.shown(value, with_unit=False, say=say), row.unit]
     limit = limits.get(row.key)
     if limit is None:
-        return [*cells, "", element("span", "not judged", class_="open") if row.optional else "", ""]
+        return [*cells, "", element("span", say.words(NOT_JUDGED), class_="open") if row.optional else "", ""]
     share = "" if value is None else f"{value / limit.value:,.0%}"
     bar = range_bar(0.0, value, 0.0, limit.value, not limit.kept(value))
-    bound = f"{'at least ' if limit.least else ''}{plain(limit.value)}"
-    return [*cells, bound, share if limit.judged else f"{share}, not judged", bar]
+    bound = f"{say('at least ', '不小于 ') if limit.least else ''}{plain(limit.value)}"
+    return [*cells, bound, share if limit.judged else f"{share}{say(', ', '，')}{say.words(NOT_JUDGED)}", bar]
 
 
-def axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:
+def meanings(rows: Sequence[Row[Measured]], say: Say) -> list[Element]:
+    """Return the table of what the quantities mean."""
+    cells: list[Cells] = [[say.words(row.words), say.words(row.about).replace("`", "")] for row in quantities(rows)]
+    heading = element("h2", say("What the quantities mean", "各量的含义"))
+    return [heading, table((say("quantity", "量"), say("meaning", "含义")), cells, class_="subject")]
+
+
+def axes_table(axes: Sequence[AxisUse], report: dict[str, Any], say: Say) -> Element:
     """Return the table of travel and top speed of every axis.
 
     Args:
         axes: in the order of the machine.
         report: plain values, with `axes` and `failures`.
+        say: the language.
     """
     # A speed may exceed its limit by the last digit of a feed word, so verification decides what is red.
     failed = {failure["what"] for failure in report["failures"]}
+    absent = say("not measured", "未测得")
     rows: list[Cells] = []
     for axis in axes:
         use = report["axes"][axis.name]
@@ -173,16 +249,27 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any]) -> Element:
             [
                 axis.name,
                 use["unit"],
-                *(shown(use[key], "", "z,.2f") for key in ("min", "max")),
-                f"{plain(use['lower'])} to {plain(use['upper'])}",
-                shown(use["margin"], "", "z,.2f"),
+                *(shown(use[key], "", "z,.2f", absent) for key in ("min", "max")),
+                say("{low} to {high}", "{low} 至 {high}", low=plain(use["lower"]), high=plain(use["upper"])),
+                shown(use["margin"], "", "z,.2f", absent),
                 range_bar(use["min"], use["max"], use["lower"], use["upper"], travel in failed),
-                shown(use["max_speed"], "", "z,.2f"),
+                shown(use["max_speed"], "", "z,.2f", absent),
                 plain(use["speed_limit"]),
                 range_bar(0.0, use["max_speed"], 0.0, use["speed_limit"], speed in failed),
             ]
         )
-    headings = ("axis", "", "least", "greatest", "travel", "margin", "", "top speed /s", "limit /s", "")
+    headings = (
+        say("axis", "轴"),
+        say("unit", "单位"),
+        say("least", "最小"),
+        say("greatest", "最大"),
+        say("travel", "行程"),
+        say("margin", "余量"),
+        say("travel drawn", "行程图"),
+        say("top speed /s", "最高速度 /s"),
+        say("limit /s", "限值 /s"),
+        say("speed drawn", "速度图"),
+    )
     return table(headings, rows, class_="axes")
 
 
@@ -199,7 +286,7 @@ def range_bar(begin: float | None, end: float | None, low: float, high: float, f
     return drawing
 
 
-def signatures() -> Element:
+def signatures(say: Say) -> Element:
     """Return the lines on which a printed report is signed."""
-    fields = (element("div", words) for words in ("Prepared by", "Checked by", "Released by", "Date"))
-    return element("footer", *fields)
+    fields = (say("Prepared by", "编制"), say("Checked by", "校核"), say("Released by", "批准"), say("Date", "日期"))
+    return element("footer", *(element("div", words) for words in fields))

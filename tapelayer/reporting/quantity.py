@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, TypeVar
 
-from tapelayer.provenance import VERSION
 from tapelayer.reporting.not_judged import english
-from tapelayer.reporting.words import NOT_MEASURED, Words, shown
+from tapelayer.reporting.words import ENGLISH, NOT_MEASURED, Say, Words, duration, shown
 from tapelayer.units import json_number
 from tapelayer.verification.axis_use import AxisUse
 from tapelayer.verification.failures import Failure, Findings
@@ -68,7 +67,7 @@ class Quantity(Generic[Measured]):
     headline: bool = False
     optional: bool = False
     samples: str = ""
-    curves: tuple[tuple[str, str], ...] = ()
+    curves: tuple[tuple[Words, str], ...] = ()
 
     @property
     def failure(self) -> str:
@@ -104,7 +103,7 @@ class Quantity(Generic[Measured]):
         """
         return value if value is None or isinstance(value, int) else json_number(value)
 
-    def shown(self, value: float | None, with_unit: bool = True) -> str:
+    def shown(self, value: float | None, with_unit: bool = True, say: Say = ENGLISH) -> str:
         """Return a value as it is written, or why there is none.
 
         Examples:
@@ -112,7 +111,9 @@ class Quantity(Generic[Measured]):
             >>> row.shown(1234.56), row.shown(1234.56, with_unit=False), row.shown(None)
             ('1,234.6 mm', '1,234.6', 'not measured')
         """
-        return shown(value, self.unit if with_unit else "", self.form, self.absent.en)
+        if self.unit == "s" and with_unit and value is not None:
+            return duration(value)
+        return shown(value, self.unit if with_unit else "", self.form, say.words(self.absent))
 
 
 @dataclass(frozen=True)
@@ -186,10 +187,15 @@ def beyond_limits(rows: Sequence[Row[Measured]], measured: Measured, findings: F
     return tuple(failures)
 
 
+def open_words(rows: Sequence[Row[Measured]], limits: Limits, not_judged: tuple[Words, ...] = ()) -> tuple[Words, ...]:
+    """Return all that a verdict does not cover: what none covers, and what this setup sets no limit for."""
+    return (*not_judged, *(row.words for row in free(rows, limits)))
+
+
 def numbers(
     rows: Sequence[Row[Measured]], measured: Measured, findings: Findings, not_judged: tuple[Words, ...] = ()
 ) -> dict[str, Any]:
-    """Return a report as plain values for JSON, millimetres and degrees.
+    """Return the verdict and all that was measured as plain values for JSON, millimetres and degrees.
 
     Values not measured are None, and fail the report where their row is required.
 
@@ -213,11 +219,10 @@ def numbers(
         if what not in known
     ]
     return {
-        "version": VERSION,
         **{row.key: row.plain(values[row.key]) for row in rows},
         "axes": {axis.name: axis.values() for axis in findings.axes},
         "passed": not failures,
-        "not_judged": [*english(not_judged), *(row.words.en for row in free(rows, findings.limits))],
+        "not_judged": list(english(open_words(rows, findings.limits, not_judged))),
         "failures": failures,
     }
 

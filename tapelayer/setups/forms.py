@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
-from tapelayer.setups.sections import JobSetup, parse_setup, parse_table
+from tapelayer.setups.sections import JobSetup, parse_setup, parse_table, whole_text
 from tapelayer.toml_files import toml_text
 
 # Values by section and key.
@@ -45,6 +46,22 @@ def text_of_values(values: Values, model: type[JobSetup]) -> str:
     return text
 
 
+def whole_text_of_values(values: Values, model: type[JobSetup], title: str) -> str:
+    r"""Return values as a commented TOML file with every other key, too.
+
+    Raises:
+        SetupRefused: as `text_of_values`.
+
+    Examples:
+        >>> from tapelayer.laying.settings import Setup
+        >>> "roll_length_m = 150" in whole_text_of_values({"tape": {"width_mm": 50}}, Setup, "Setup")
+        True
+    """
+    text = whole_text(parse_table(model, values, NAME), title)
+    parse_setup(text.encode(errors="surrogatepass"), NAME, model)
+    return text
+
+
 def schema_of(model: type[JobSetup]) -> dict[str, Any]:
     """Return the JSON schema of a setup: every key with its unit in its name, default, limits and description.
 
@@ -71,6 +88,31 @@ def text_of(setup: JobSetup) -> str:
         ('[tape]\nwidth_mm = 50.0\n', '')
     """
     return toml_text(_values(setup))
+
+
+def changes(setup: JobSetup) -> list[dict[str, Any]]:
+    """Return the values of a setup that differ from the defaults, each with its section, key, value and default.
+
+    Files are named without their folders, so that the same setup is told alike wherever it lies.
+
+    Examples:
+        >>> from tapelayer.laying.settings import Setup
+        >>> changes(Setup().with_values("tape", width_mm=50))
+        [{'section': 'tape', 'key': 'width_mm', 'value': 50.0, 'default': 75.0}]
+    """
+    values, defaults = setup.model_dump(), type(setup).model_validate({}).model_dump()
+    named = (*setup.FILES, ("output", "controller"))
+    return [
+        {
+            "section": section,
+            "key": key,
+            "value": Path(value).name if value is not None and (section, key) in named else value,
+            "default": defaults[section][key],
+        }
+        for section, keys in values.items()
+        for key, value in keys.items()
+        if value != defaults[section][key]
+    ]
 
 
 def _values(setup: JobSetup) -> Values:

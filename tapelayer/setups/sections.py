@@ -18,11 +18,14 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic.fields import FieldInfo
 
 from tapelayer.errors import InputFault, SetupRefused
-from tapelayer.toml_files import read_toml
+from tapelayer.toml_files import read_toml, toml_key, toml_value
 from tapelayer.units import DEG, MM
 
 # More faults than this are no slips: wording each takes time, so the rest are only counted.
 MOST_FAULTS = 100
+
+# Keys of the machine that came later than the hash of setups.
+RAMP_KEYS = {"accelerations_mm_per_s2", "accelerations_deg_per_s2", "jerks_mm_per_s3", "jerks_deg_per_s3"}
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0)]
@@ -137,6 +140,8 @@ class JobSetup(Section):
 
     # Section and key of the values that name files.
     FILES: ClassVar[tuple[tuple[str, str], ...]] = (("machine", "urdf"),)
+    # Section and key of the values that mean more where a setup itself sets them.
+    MEANT_WHERE_SET: ClassVar[frozenset[tuple[str, str]]] = frozenset()
 
     def with_values(self, section: str, **values: object) -> Self:
         """Return a setup with some values of one section replaced, and validate it again.
@@ -169,9 +174,10 @@ class JobSetup(Section):
             True
         """
         values = self.model_dump()
-        # A limit that is not set judges nothing: it does not enter, so that a new one leaves the hash of old setups.
-        limits = values.get("verification", {})
+        # What is not set changes nothing: it does not enter, so that a new key leaves the hash of old setups.
+        limits, machine = values.get("verification", {}), values["machine"]
         values["verification"] = {key: limit for key, limit in limits.items() if limit is not None}
+        values["machine"] = {key: value for key, value in machine.items() if value or key not in RAMP_KEYS}
         for (section, key), data in files.items():
             values[section][key] = hashlib.sha256(data).hexdigest()
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
@@ -242,25 +248,29 @@ def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text:
         raise SetupRefused(name, faults) from None
 
 
-def default_text(model: type[Section], title: str) -> str:
-    """Return the default setup as a commented TOML file: every key with unit, default and description.
+def whole_text(setup: JobSetup, title: str) -> str:
+    """Return a setup as a commented TOML file that reads back as the same job: every key with value and description.
 
     Examples:
         >>> from tapelayer.laying.settings import Setup
-        >>> print(default_text(Setup, "Setup of a tape-laying job").splitlines()[0])
-        # Setup of a tape-laying job
+        >>> text = whole_text(Setup().with_values("tape", width_mm=50.0), "Setup of a tape-laying job")
+        >>> text.splitlines()[0], [line[:13] for line in text.splitlines() if line.startswith("width_mm")]
+        ('# Setup of a tape-laying job', ['width_mm = 50'])
     """
     lines = [
         f"# {title}",
-        "# Units are in the names. A key left out has the value shown here; a key behind # has none.",
+        "# Units are in the names. A key left out has its default. A key behind # has no value, or is not set: set it",
+        "# by taking the # away.",
     ]
-    for name, field in model.model_fields.items():
+    for name, field in type(setup).model_fields.items():
         lines += ["", f"# {field.description}", f"[{name}]"]
-        section = _section_model(field)
-        for key, value in section.model_fields.items():
-            default = value.get_default(call_default_factory=True)
-            setting = f"# {key} =" if default is None else f"{key} = {_toml(default)}"
-            lines.append(f"{setting:<32} # {value.description}")
+        section = getattr(setup, name)
+        for key, about in _section_model(field).model_fields.items():
+            value = getattr(section, key)
+            setting = f"{key} =" if value is None else f"{key} = {_toml(value)}"
+            unset = (name, key) in setup.MEANT_WHERE_SET and key not in section.model_fields_set
+            free = "# " if value is None or unset else ""
+            lines.append(f"{free + setting:<32} # {about.description}")
     return "\n".join(lines) + "\n"
 
 
@@ -274,14 +284,16 @@ def _toml(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        return json.dumps(value)
+        return toml_value(value)
     if isinstance(value, Section):
         value = value.model_dump()
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{toml_key(key)} = {_toml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(_toml(item) for item in value) + "]"
-    return f"{value:g}"
+    assert isinstance(value, int | float)
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)
 
 
 def _keys(model: type[Section]) -> Iterator[tuple[str, str]]:

@@ -71,7 +71,9 @@ def coat_of(samples: SpraySamples, reach: Reach, setup: SpraySetup) -> Coat:
     else:
         mean = float(np.average(amount, weights=surface.areas))
         thickness = amount / mean if mean > 0.0 else amount
-    return Coat(surface, spacing, thickness, rate is None, evenness(thickness, surface, inside))
+    return Coat(
+        surface, spacing, thickness, rate is None, evenness(thickness, surface, inside, float(np.sum(seen.areas)))
+    )
 
 
 def growth(coat: Coat, samples: SpraySamples, setup: SpraySetup, chosen: Mask, moments: int) -> tuple[Floats, Floats]:

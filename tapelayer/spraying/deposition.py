@@ -78,7 +78,8 @@ class Evenness:
         cv_percent: standard deviation over mean, by area; NaN if nothing arrived.
         interior_mean: mean without the border band; NaN if there is nothing but the band.
         cv_interior_percent: standard deviation over mean without the border band; NaN if that is empty or got nothing.
-        coverage_percent: share of the area with more than half the interior mean; NaN in the same cases.
+        coverage_percent: share of the whole area, also beyond reach, with more than half the interior mean; NaN in
+            the same cases.
     """
 
     mean: float
@@ -186,13 +187,14 @@ def exposure(footprint: Footprint, standoff: float, spots: Spots, surface: Surfa
     return total
 
 
-def evenness(thickness: Floats, surface: Surface, inside: Mask) -> Evenness:
+def evenness(thickness: Floats, surface: Surface, inside: Mask, whole: float) -> Evenness:
     """Return how even a coating is, by area.
 
     Args:
         thickness: (m,) metres, or relative.
         surface: the samples, one or more.
         inside: (m,) whether a sample lies outside the border band.
+        whole: area to be covered, square metres: that of the samples, and what the gun cannot reach.
     """
     mean, spread = _mean_and_deviation(thickness, surface.areas)
     interior_mean, interior_spread = _mean_and_deviation(thickness[inside], surface.areas[inside])
@@ -202,7 +204,7 @@ def evenness(thickness: Floats, surface: Surface, inside: Mask) -> Evenness:
         cv_percent=100.0 * spread / mean if mean > 0 else math.nan,
         interior_mean=interior_mean,
         cv_interior_percent=100.0 * interior_spread / interior_mean if interior_mean > 0 else math.nan,
-        coverage_percent=100.0 * covered / float(np.sum(surface.areas)) if interior_mean > 0 else math.nan,
+        coverage_percent=100.0 * covered / whole if interior_mean > 0 else math.nan,
     )
 
 

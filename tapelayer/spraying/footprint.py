@@ -12,6 +12,7 @@ import numpy as np
 from tapelayer.arrays import Floats, Frozen
 from tapelayer.errors import FootprintRefused, InputFault
 from tapelayer.spraying.settings import SpraySetup
+from tapelayer.text import plain_text
 from tapelayer.units import MM
 
 # A Gaussian footprint is cut off beyond this many standard deviations, which loses 4e-6 of its material.
@@ -198,10 +199,9 @@ def read_profile(path: Path) -> Profile:
         FootprintRefused: no pairs of numbers, radii that do not increase from 0, or fluxes below 0; all faults at once.
     """
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = plain_text(path.read_bytes(), str(path), FootprintRefused).decode()
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise FootprintRefused(str(path), [InputFault(0, f"cannot be read: {reason}")]) from None
+        raise FootprintRefused.unreadable(str(path), error) from None
     except UnicodeDecodeError as error:
         sentence = f"byte {error.start} is not UTF-8; save the file as text, a radius in mm and a flux a line"
         raise FootprintRefused(str(path), [InputFault(0, sentence)]) from None

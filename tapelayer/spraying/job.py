@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,17 +15,21 @@ from rich.table import Table
 from post.controllers import load
 from tapelayer.arrays import Floats
 from tapelayer.errors import MeshRefused
-from tapelayer.geometry.mesh import Mesh, Unit
+from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.stl import parse_mesh
-from tapelayer.jobs.job import JobResult, MachineJob, is_timed, machine_of
+from tapelayer.jobs.job import UNTOLD, JobResult, MachineJob, is_timed, machine_of
+from tapelayer.jobs.part_size import check_size
 from tapelayer.jobs.stages import COATING, PLANNING, SLICING
+from tapelayer.language import Language
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import Steps
-from tapelayer.provenance import VERSION, Provenance, sealed
+from tapelayer.provenance import VERSION, NamedFile, Provenance, sealed
 from tapelayer.reporting.not_judged import english, unjudged
 from tapelayer.reporting.quantity import numbers
+from tapelayer.reporting.subject import Occasion
 from tapelayer.reporting.summary import summary
+from tapelayer.reporting.words import Say
 from tapelayer.spraying import page
 from tapelayer.spraying.coat import coat_of
 from tapelayer.spraying.evidence import SprayEvidence
@@ -34,10 +40,10 @@ from tapelayer.spraying.passes import Plan
 from tapelayer.spraying.pitch import widest_pitch
 from tapelayer.spraying.pose_file import trajectory_text
 from tapelayer.spraying.program import Spraying, spray
-from tapelayer.spraying.quantities import ROWS, Judged, limited
+from tapelayer.spraying.quantities import LEAST_AREA, ROWS, Judged, limited
 from tapelayer.spraying.reach import Reach, placement
 from tapelayer.spraying.settings import SpraySetup
-from tapelayer.units import MM
+from tapelayer.units import MM, Unit
 from urdf import SPRAYER
 
 
@@ -85,18 +91,24 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             unit: unit of the file's numbers.
 
         Raises:
-            MeshRefused: the bytes cannot be used.
+            MeshRefused: the bytes cannot be used, or the part is of a size that is none for the machine.
             ControllerRefused: the setup's controller table cannot be used.
             ModelRefused: the setup's URDF cannot be used.
             FootprintRefused: the setup's profile cannot be used.
         """
         controller = load(setup.output.controller)
         machine = machine_of(setup, SPRAYER)
+        machine.check_travel(AXES)
+        controller.check_units({axis.name: axis.revolute for axis in machine.axes})
         profile = b""
+        more: tuple[NamedFile, ...] = ()
         if setup.footprint.profile is not None:
             footprint_of(setup)
-            profile = Path(setup.footprint.profile).read_bytes()
-        mesh = parse_mesh(data, name, unit, setup.spray.spot_mm * MM)
+            path = Path(setup.footprint.profile)
+            profile = path.read_bytes()
+            more = (NamedFile(path.name, hashlib.sha256(profile).hexdigest()),)
+        mesh = parse_mesh(data, name, unit)
+        check_size(mesh.vertices, unit, machine, ("spot", setup.spray.spot_mm * MM), name, MeshRefused)
         provenance = Provenance(
             source=mesh.name,
             source_sha256=mesh.sha256,
@@ -104,6 +116,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             version=VERSION,
             notes=(f"model in {unit}", *setup.process.notes()),
             not_judged=english(unjudged(is_timed(machine, controller))),
+            more_sources=more,
         )
         return SprayJob(setup, machine, controller, provenance, mesh)
 
@@ -147,6 +160,10 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             NothingToSpray: no part of the surface can be reached.
         """
         return plan_passes(self.mesh, self.setup, self.machine, self.pitch)
+
+    def numbers(self, trajectory: Trajectory) -> Sequence[int]:
+        """Return the numbers of the passes, which count from 1."""
+        return range(1, int(trajectory.courses.max(initial=-1)) + 2)
 
     def planned(self, steps: Steps) -> tuple[Spraying, Trajectory]:
         """Return the passes as they are sprayed, and their trajectory.
@@ -220,18 +237,32 @@ class SprayResult(JobResult[SprayEvidence]):
     planned: Spraying
     judged: Judged
 
-    def report(self) -> dict[str, Any]:
-        """Return the report as plain values for JSON; docs/spray.md describes every key."""
-        return numbers(ROWS, self.judged, self.evidence, unjudged(self.job.timed))
+    def numbers(self) -> dict[str, Any]:
+        """Return the verdict and all that was measured; docs/spray.md describes every key."""
+        return numbers(ROWS, self.judged, self.evidence, self.job.not_judged)
 
-    def summary(self) -> Table:
+    def summary(self, language: Language = "en") -> Table:
         """Return the report as a table for a terminal."""
-        report = self.report()
-        return summary(ROWS, report, self.evidence.limits, page.surface_facts(report))
+        report, say = self.numbers(), Say(language)
+        return summary(ROWS, report, self.evidence.limits, self.job.not_judged, page.surface_facts(report, say), say)
 
-    def page(self, title: str) -> str:
+    def page(self, occasion: Occasion = UNTOLD, language: Language = "en") -> str:
         """Return the report as one HTML page with plots; its title is the program's name."""
-        return page.html(self.judged, self.trajectory, self.report(), self.job.setup, title)
+        report, not_judged = self.report(occasion), self.job.not_judged
+        return page.html(self.judged, self.trajectory, report, self.job.setup, not_judged, Say(language))
+
+    def notes(self, language: Language = "en") -> tuple[str, ...]:
+        """Return a note on the surface that no pass goes over because the machine does not reach it."""
+        lost = self.judged.plan.beyond_travel
+        if lost <= LEAST_AREA:
+            return ()
+        note = Say(language)(
+            "{name}: {lost:.4g} m2 of the surface lie beyond the machine's reach: no pass goes there",
+            "{name}：有 {lost:.4g} m2 的表面超出机床可达范围：没有喷涂道经过",
+            name=self.job.model.name,
+            lost=lost,
+        )
+        return (note,)
 
     def files(self) -> dict[str, bytes]:
         """Return the gun's poses, with the hash of their own text in the second line."""

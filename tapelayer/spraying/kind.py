@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tapelayer.arrays import Floats
-from tapelayer.jobs.kind import BuiltIn, JobKind, Option, Source
+from tapelayer.jobs.kind import BuiltIn, Form, JobKind, Option, Source
 from tapelayer.jobs.stages import (
     COATING,
     PLANNING,
@@ -34,6 +34,13 @@ def _inverse(machine: Machine, places: Floats, normals: Floats) -> Floats:
     return np.concatenate([np.broadcast_to(places, (len(angles), *places.shape)), angles], axis=2)
 
 
+def _lengths(machine: Machine) -> dict[str, float]:
+    """Return no lengths, as the gun turns about P whatever they are, after checking that the axes are there."""
+    for name in wrist.AXES:
+        machine.axis(name)
+    return {}
+
+
 KIND = JobKind(
     name="spray",
     title="Setup of a spraying job",
@@ -45,8 +52,9 @@ KIND = JobKind(
         axes=wrist.AXES,
         vectors={"n": 2},
         inverse=_inverse,
+        lengths=_lengths,
     ),
-    source=Source("model", "models", "model/stl", frozenset({"unit"})),
+    source=Source("model", "models", Form.MODEL, "model/stl", frozenset({"unit"})),
     parts="passes",
     setup=SpraySetup,
     options={"direction_deg": Option("spray", "direction_deg"), "pitch_mm": Option("spray", "pitch_mm")},

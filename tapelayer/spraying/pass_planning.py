@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask
-from tapelayer.errors import NothingToSpray
+from tapelayer.errors import NothingToSpray, PartBeyondReach
 from tapelayer.geometry.envelope import areas_from_above
 from tapelayer.geometry.mesh import Mesh
 from tapelayer.geometry.polyline import NORMAL_TOLERANCE, kept
@@ -27,6 +27,8 @@ from tapelayer.vectors import ramp
 
 # Part of the permitted deviation that planning reserves for the motion between points, which is not exact.
 LEAN_MARGIN = NORMAL_TOLERANCE
+# Share of the area seen from above that may lie beyond reach: with more, the part is not where it should be.
+MOST_BEYOND = 0.5
 # Strips per pitch for measuring areas.
 _AREA_STRIPS = 5
 
@@ -42,6 +44,7 @@ def plan_passes(mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -
 
     Raises:
         NothingToSpray: no part of the surface can be reached.
+        PartBeyondReach: most of what is seen from above cannot be reached.
     """
     planner = _Planner(mesh, setup, machine, pitch)
     passes = planner.passes()
@@ -52,6 +55,11 @@ def plan_passes(mesh: Mesh, setup: SpraySetup, machine: Machine, pitch: float) -
         lost = ", ".join(f"{area * 1e4:.4g} cm2 {words}" for area, words in parts)
         raise NothingToSpray(
             f"{mesh.name}: no pass can be sprayed on it: of the surface {lost}; turn the part or place it elsewhere"
+        )
+    if planner.beyond_share > MOST_BEYOND:
+        raise PartBeyondReach(
+            f"{mesh.name}: {beyond:.4g} m2 of the {seen.seen:.4g} m2 seen from above lie beyond the machine's reach; "
+            "place the part elsewhere by [part], turn it, or see whether its --unit is right"
         )
     return Plan(tuple(passes), seen.seen - beyond, seen.too_steep, seen.hidden, beyond)
 

@@ -269,8 +269,8 @@ ROWS: tuple[Row[Judged], ...] = (
         "coverage_percent",
         Words("coverage", "覆盖率"),
         Words(
-            "share of the reachable area with more than half the interior's mean thickness",
-            "可达面积中厚度超过内部平均一半的比例",
+            "share of the area seen from above, also beyond reach, with more than half the interior's mean thickness",
+            "俯视可见面积（含不可达部分）中厚度超过内部平均一半的比例",
         ),
         "%",
         2,

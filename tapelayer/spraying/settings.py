@@ -181,7 +181,11 @@ class SprayVerificationSettings(Section, title="Verification"):
         Positive | None, Field(description="standard deviation of the thickness over its mean; without it not judged")
     ] = None
     min_coverage_percent: Annotated[
-        Positive | None, Field(description="share of the reachable area that is covered; without it not judged", le=100)
+        Positive | None,
+        Field(
+            description="share of the area seen from above that is covered; without it not judged",
+            le=100,
+        ),
     ] = None
     max_crease_deviation_deg: Annotated[
         Positive | None, Field(description="gun off the facets' normals beside creases; without it not judged")

@@ -37,6 +37,7 @@ class Fault(BaseModel):
     line: Annotated[int, Field(description="from 1; 0 where no line applies")]
     column: Annotated[int, Field(description="from 1; 0 where no column applies")]
     sentence: Annotated[str, Field(description="what is wrong, for a person")]
+    translations: Annotated[dict[str, str], Field(description="the sentence, by the code of another language")] = {}
 
 
 class ProblemDetails(BaseModel):
@@ -48,6 +49,7 @@ class ProblemDetails(BaseModel):
     title: Annotated[str, Field(description="the same for every problem with this code")]
     status: Annotated[int, Field(description="HTTP status")]
     detail: Annotated[str, Field(description="what is wrong this time; one line a fault")]
+    translations: Annotated[dict[str, str], Field(description="the detail, by the code of another language")] = {}
     code: Annotated[str, Field(description="stable")]
     faults: Annotated[list[Fault], Field(description="of a file that is refused")] = []
     failures: Annotated[list[dict[str, Any]], Field(description="of verification, as in the report")] = []
@@ -148,7 +150,7 @@ FORM = {
     "kind": {"enum": [*NAMES]},
     "setup": {"description": "TOML, as a field or as a file; without it the defaults"},
     "controller": {"description": "in place of the setup's: the name of a built-in or of one of the parts"},
-    "unit": {"enum": ["mm", "m", "in"], "description": "spray only: unit of the STL's numbers; without it mm"},
+    "unit": {"enum": ["mm", "cm", "m", "in"], "description": "spray only: unit of the STL's numbers; without it mm"},
     "mould": {"description": "lay only: an STL of the mould in mm, in the part's frame, to look at"},
     "parts": {
         "description": "files that the setup names: a URDF and its meshes, a controller table, a profile; "

@@ -10,14 +10,16 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Header, Request, Response
 from fastapi.responses import FileResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
 from tapelayer.jobs.kinds import KindName, kind_of
-from tapelayer.setups.sections import parse_setup
+from tapelayer.language import Language
+from tapelayer.reporting.words import language_accepted
+from tapelayer.setups.sections import parse_setup, whole_text
 from tapelayer.workbench.answers import (
     FORM,
     REFUSED_FORMS,
@@ -32,7 +34,7 @@ from tapelayer.workbench.answers import (
 )
 from tapelayer.workbench.foreman import Foreman, Message
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
-from tapelayer.workbench.store import Record, Store, write_request
+from tapelayer.workbench.store import PAGES, Record, Store, write_request
 from tapelayer.workbench.submission import JOB_FIELDS, VERIFY_FIELDS, job_request, verify_request
 from tapelayer.workbench.uploads import receive
 
@@ -40,7 +42,6 @@ FLOAT_BYTES = 4
 # File name, media type and description of each result that a job may have, by address.
 FILES = {
     "report.json": ("report.json", "application/json", "Show the report."),
-    "report.html": ("report.html", "text/html", "Show the report as a page."),
     "trajectory": ("trajectory.txt", "text/plain", "Show the gun's poses in the part's frame (spray)."),
     "urdf": ("machine.urdf", "application/xml", "Show the machine's URDF."),
     "blocks": ("blocks.json", "application/json", "Show line, course, kind and event of each row of the poses."),
@@ -55,7 +56,7 @@ TABLES = {
 }
 PROGRAM = "program.nc"
 RESULTS = (
-    {"program": PROGRAM}
+    {"program": PROGRAM, "report.html": PAGES["en"]}
     | {address: file for address, (file, *_) in FILES.items()}
     | {name: f"{name}.f32" for name in TABLES}
 )
@@ -175,9 +176,14 @@ def program(record: JobOfPath, request: Request) -> FileResponse:
     response_class=FileResponse,
     responses=content("application/toml") | responses("not-found"),
 )
-def setup(record: JobOfPath, request: Request) -> FileResponse:
-    """Download the job's setup: the values that it was given, the controller among them."""
-    return JobFile(_store(request).folder(record.id) / "setup.toml", media_type="application/toml")
+def setup(record: JobOfPath, request: Request, whole: bool = False) -> Response:
+    """Download the job's setup: the values that it was given, or the whole of it with every default and meaning."""
+    path = _store(request).folder(record.id) / "setup.toml"
+    if not whole:
+        return JobFile(path, media_type="application/toml")
+    kind = kind_of(cast(KindName, record.kind))
+    text = whole_text(parse_setup(path.read_bytes(), "setup.toml", kind.setup), kind.title)
+    return Response(text, media_type="application/toml")
 
 
 @router.get("/jobs/{id}/limits", responses=responses("not-found"))
@@ -187,6 +193,28 @@ def limits(record: JobOfPath, request: Request) -> Limits:
     data = (_store(request).folder(record.id) / "setup.toml").read_bytes()
     by_key = kind.limits(parse_setup(data, "setup.toml", kind.setup))
     return Limits(limits={key: LimitTold(value=limit.value, judged=limit.judged) for key, limit in by_key.items()})
+
+
+@router.get(
+    "/jobs/{id}/report.html",
+    response_class=FileResponse,
+    responses=content("text/html", "Content-Language")
+    | responses("not-found", "not-made", "job-not-finished", "job-failed"),
+)
+def report_page(
+    record: JobOfPath,
+    request: Request,
+    language: Language | None = None,
+    accept_language: Annotated[str, Header()] = "",
+) -> FileResponse:
+    """Show the report as a page, in the language asked for, or else in the one that the browser likes best."""
+    chosen = language or language_accepted(accept_language)
+    path = _result(record, request, PAGES["en"])
+    translated = path.with_name(PAGES[chosen])
+    # Jobs that were made by a version without translations have the English page only.
+    told, chosen = (translated, chosen) if translated.is_file() else (path, "en")
+    headers = {"Content-Language": chosen, "Vary": "Accept-Language"}
+    return JobFile(told, media_type="text/html", headers=headers)
 
 
 @router.get(
@@ -381,7 +409,11 @@ def _result(record: Record, request: Request, name: str) -> Path:
     raise Problem("not-made", f"this job has none: it is of kind {record.kind}")
 
 
+# Members of a problem that it makes itself.
+REBUILT = ("type", "title", "status", "detail", "translations", "code")
+
+
 def _problem(body: Mapping[str, Any]) -> Problem:
     """Return a problem that a worker reported."""
-    evidence = {key: value for key, value in body.items() if key not in ("type", "title", "status", "detail", "code")}
+    evidence = {key: value for key, value in body.items() if key not in REBUILT}
     return Problem(body["code"], body["detail"], **evidence)

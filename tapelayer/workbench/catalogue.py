@@ -17,7 +17,7 @@ from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, name_of_source
 from tapelayer.machines.machine import Axis, Machine
 from tapelayer.reporting.quantity import Group, Style, quantities
 from tapelayer.reporting.words import Words
-from tapelayer.setups.forms import Values, schema_of, text_of_values, values_of
+from tapelayer.setups.forms import Values, schema_of, text_of_values, values_of, whole_text_of_values
 from tapelayer.units import DEG, MM
 from tapelayer.workbench.answers import content
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
@@ -143,6 +143,9 @@ class SetupWanted(BaseModel):
 
     kind: KindName
     values: Annotated[Values, Field(description="by section and key; a null is left out")]
+    whole: Annotated[bool, Field(description="whether to write every other key with its default and meaning, too")] = (
+        False
+    )
 
 
 router = APIRouter(prefix="/api/v1", tags=["catalogue"], responses=responses(*EVERYWHERE))
@@ -223,7 +226,10 @@ def parse(kind: KindName, text: Annotated[bytes, Body(media_type="text/plain")] 
 )
 def format(wanted: SetupWanted) -> Response:
     """Write values as a setup's TOML, which is read back as the same values."""
-    return PlainTextResponse(text_of_values(wanted.values, kind_of(wanted.kind).setup))
+    kind = kind_of(wanted.kind)
+    if wanted.whole:
+        return PlainTextResponse(whole_text_of_values(wanted.values, kind.setup, kind.title))
+    return PlainTextResponse(text_of_values(wanted.values, kind.setup))
 
 
 @lru_cache

@@ -12,8 +12,10 @@ from typing import Annotated
 
 import typer
 
+from tapelayer.command_help import Command
 from tapelayer.dispatch import run
 from tapelayer.errors import ServeRefused
+from tapelayer.sentences import said
 
 EPILOG = (
     "Example: [bold]tapelayer serve --host 0.0.0.0 --token-file token --tls-cert cell.pem --tls-key cell.key[/bold]"
@@ -95,7 +97,7 @@ def _token(file: Path) -> str:
             "make one with: openssl rand -hex 32"
         )
     if mode & OTHERS_MAY:
-        sys.stderr.write(f"{file}: other users of this machine may read the token; chmod 600 it\n")
+        sys.stderr.write(said(f"{file}: other users of this machine may read the token; chmod 600 it") + "\n")
     return token
 
 
@@ -112,9 +114,9 @@ def _check_reach(host: str, token: bool, tls: bool, insecure: bool) -> None:
             f"--host {host} lets other machines in: give a --token-file, or --insecure if all of them are trusted"
         )
     if not token:
-        sys.stderr.write(f"insecure: whoever reaches {host} may use this server\n")
+        sys.stderr.write(said(f"insecure: whoever reaches {host} may use this server") + "\n")
     if not tls:
-        sys.stderr.write("without --tls-cert, programs and tokens can be read and changed on their way\n")
+        sys.stderr.write(said("without --tls-cert, programs and tokens can be read and changed on their way") + "\n")
 
 
 def _is_own(host: str) -> bool:
@@ -134,5 +136,5 @@ def _data_folder() -> Path:
 def main() -> None:
     """Run only this command."""
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
-    app.command(epilog=EPILOG)(serve)
+    app.command(epilog=EPILOG, cls=Command)(serve)
     run(app, sys.argv[2:], "tapelayer serve")

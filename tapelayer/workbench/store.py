@@ -28,7 +28,11 @@ from typing import Any, Literal
 
 from tapelayer.atomic_files import write_files
 from tapelayer.errors import WorkDirectoryRefused
+from tapelayer.language import Language
 from tapelayer.workbench.problems import Problem
+
+# File of the report's page by its language.
+PAGES: dict[Language, str] = {"en": "report.html", "zh": "report.zh.html"}
 
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 Ending = Literal["done", "failed", "cancelled"]

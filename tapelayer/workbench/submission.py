@@ -14,10 +14,11 @@ import defusedxml.ElementTree
 from defusedxml import DefusedXmlException
 
 from post import controllers
-from tapelayer.geometry.mesh import Unit
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds
-from tapelayer.setups.forms import text_of
+from tapelayer.machines.urdf_file import xml_text
+from tapelayer.setups.forms import NAME, text_of
 from tapelayer.setups.sections import parse_setup
+from tapelayer.units import Unit
 from tapelayer.workbench.problems import Problem
 from tapelayer.workbench.uploads import Form, Sort, invalid, shown
 
@@ -92,17 +93,26 @@ def _request(form: Form, folder: Path) -> dict[str, Any]:
     _check_field("unit", "a unit", form.texts, kind)
     unit = _chosen(form, "unit", get_args(Unit), "mm")
     _check_parts(form.files)
-    (folder / "setup.toml").write_text(_setup(form, kind), encoding="utf-8")
+    setup = _setup(form, kind)
+    (folder / NAME).write_text(setup, encoding="utf-8")
     (folder / "file").rename(folder / "source")
-    return {"kind": kind, "name": form.names["file"], "unit": unit, "parts": sorted(form.files)}
+    return {
+        "kind": kind,
+        "name": form.names["file"],
+        "setup_name": form.names.get("setup", NAME if setup else ""),
+        "unit": unit,
+        "parts": sorted(form.files),
+    }
 
 
 def _check_field(field: str, what: str, given: Collection[str], name: KindName) -> None:
     """Refuse a field that belongs to jobs of another kind."""
     if field in given and field not in kind_of(name).source.fields:
         owners = " or ".join(other for other in NAMES if field in kind_of(other).source.fields)
-        hint = ", course files are in mm" if field == "unit" else ""
-        raise invalid(f"{field}: {what} belongs to kind {owners}{hint}; leave it out")
+        raise invalid(
+            f"{field}: {what} belongs to kind {owners}"
+            f"{', course files are in mm' if field == 'unit' else ''}; leave it out"
+        )
 
 
 def _setup(form: Form, name: KindName) -> str:
@@ -147,7 +157,7 @@ def _check_urdf(path: Path, name: str, parts: Mapping[str, Path]) -> None:
     if size > LARGEST_URDF:
         raise Problem("upload-too-large", f"{name}: has {size} bytes, a URDF may have {LARGEST_URDF}")
     try:
-        root = defusedxml.ElementTree.fromstring(path.read_bytes(), forbid_dtd=True)
+        root = defusedxml.ElementTree.fromstring(xml_text(path.read_bytes()), forbid_dtd=True)
     except DefusedXmlException:
         sentence = f"{name}: declares a document type, entities or what lies elsewhere; send plain XML"
         raise Problem("xml-refused", sentence) from None

@@ -30,9 +30,13 @@ from tapelayer.jobs.job import JobResult, MachineJob
 from tapelayer.jobs.kind import JobKind
 from tapelayer.jobs.kinds import kind_of, kinds
 from tapelayer.jobs.stages import READING, SAVING, Weights
+from tapelayer.language import LANGUAGES
+from tapelayer.provenance import moment
+from tapelayer.reporting.subject import Occasion
 from tapelayer.setups.sections import parse_setup
 from tapelayer.workbench import problems, scene
 from tapelayer.workbench.problems import Problem
+from tapelayer.workbench.store import PAGES
 
 Say = Callable[[Mapping[str, Any]], None]
 
@@ -100,8 +104,10 @@ def carry_out(folder: Path, say: Say) -> dict[str, Any]:
     else:
         result = job.make(name, stages)
     stages.begin(SAVING.name)
-    report = result.report()
-    contents = {"report.json": result.report_file(), "report.html": result.page_file(name)}
+    report = result.numbers()
+    occasion = Occasion(name, request.get("setup_name", ""), moment(time.time(), os.environ.get("SOURCE_DATE_EPOCH")))
+    contents = {"report.json": result.report_file(occasion)}
+    contents |= {PAGES[language]: result.page_file(occasion, language) for language in LANGUAGES}
     if not verifying:
         drawn = scene.files(kind.scene(result, on), result.trajectory, job.machine)
         contents |= drawn | _results(folder, job, result)

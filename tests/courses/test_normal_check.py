@@ -59,6 +59,21 @@ def test_two_damaged_normals_do_not_excuse_each_other() -> None:
     ]
 
 
+@pytest.mark.parametrize("course", [flat_course(), helix_course()], ids=["flat", "helix"])
+@pytest.mark.parametrize("rows", [slice(0, 1), slice(-1, None), slice(10, None), slice(10, 12), slice(10, 11)])
+def test_normals_to_the_other_side_are_named_where_they_begin_and_end(course: Course, rows: slice) -> None:
+    normals = course.normals.copy()
+    normals[rows] *= -1.0
+    text = refusal(format_courses([replace(course, normals=normals)]))
+    first, last, _ = rows.indices(len(normals))
+    points = [row + 1 for row in (first, last) if 0 < row < len(normals)]
+    told = [int(line.split("point ")[1].split(":")[0]) for line in text.splitlines()]
+    if last - first == 1 and len(points) == 2:
+        assert told == points[:1] and "away from those of both neighbours" in text
+    else:
+        assert told == points and text.count("one of the two points into the surface; reverse") == len(points)
+
+
 def folded(n: int, degrees: float, offset: float) -> Course:
     """A course over a crease; the normal turns within one step, as the surface does."""
     angle = np.radians(degrees)

@@ -110,3 +110,10 @@ def test_a_normal_of_signed_zeros_is_none() -> None:
         True,
         False,
     ]
+
+
+def test_points_closer_than_any_file_states_are_at_one_place() -> None:
+    """Curves through such points would divide by nothing."""
+    rows = np.array([[0, 0, 0, 0, 0, 1, 0], [1e-7, 0, 0, 0, 0, 1, 1e-7], [1e-5, 0, 0, 0, 0, 1, 1e-5]], dtype=float)
+    steps = TableSteps.of(CourseTable([1], [(1.0, 1.0)], np.array([3]), rows, np.ones(3, dtype=bool)))
+    assert steps.standing.tolist() == steps.falling.tolist() == [True, False]

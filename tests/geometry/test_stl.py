@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import time
 
 import numpy as np
 import pytest
@@ -65,7 +66,7 @@ def test_ascii_spelling_does_not_matter(tmp_path, change):
     np.testing.assert_array_equal(mesh.vertices[mesh.facets], TETRAHEDRON * 1e-3)
 
 
-@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("m", 1.0), ("in", 0.0254)])
+@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("in", 0.0254)])
 def test_units(tmp_path, unit, metres):
     mesh = read_mesh(written(tmp_path, binary(TETRAHEDRON)), unit)
     np.testing.assert_array_equal(mesh.vertices[mesh.facets], TETRAHEDRON * metres)
@@ -75,8 +76,65 @@ def test_units(tmp_path, unit, metres):
 def test_bytes_after_the_counted_facets_are_ignored_and_counted(tmp_path):
     mesh = read_mesh(written(tmp_path, binary(TETRAHEDRON, tail=b"a comment")))
     assert mesh.mending == Mending(facets_read=4, bytes_ignored=9)
-    mesh = read_mesh(written(tmp_path, binary(TETRAHEDRON, count=3)))
-    assert mesh.mending == Mending(facets_read=3, bytes_ignored=50, open_edges=3)
+
+
+@pytest.mark.parametrize(
+    "tail",
+    [
+        bytes(1000),
+        b" " * 500,
+        b"\xff" * 500,
+        b"made by a test on a machine of its own, " * 20,
+        b"1234567890" * 60,
+        b"AAAA AAABBBBB CCCA" * 50,
+    ],
+    ids=["zeros", "blanks", "ones", "words", "digits", "capitals"],
+)
+def test_padding_and_text_after_the_last_facet_are_no_facets(tmp_path, tail):
+    mesh = read_mesh(written(tmp_path, binary(TETRAHEDRON, tail=tail)))
+    assert mesh.mending == Mending(facets_read=4, bytes_ignored=len(tail))
+
+
+@given(st.integers(1, 79), st.binary(max_size=49))
+@settings(deadline=None)
+def test_facets_after_the_counted_ones_are_never_dropped(tmp_path_factory, count, rest):
+    sphere = trimesh.creation.icosphere(subdivisions=1, radius=100.0).triangles
+    data = binary(sphere, count=count, tail=rest)
+    sentence = f"the header counts {count} facets, and {80 - count} more follow them; export it again"
+    assert refusal(written(tmp_path_factory.getbasetemp(), data)) == sentence
+
+
+@given(st.lists(st.sampled_from([" ", "\n", "\t", "\r\n", "\n\n", " \t "]), min_size=1), st.integers(1, 3))
+@settings(deadline=None)
+def test_words_may_be_split_by_any_blanks(tmp_path_factory, blanks, solids):
+    """A name ends with its line, so a solid without a name has none to end."""
+    words = (ascii(TETRAHEDRON, "").decode().split()) * solids
+    text = "".join(word + blanks[row % len(blanks)] for row, word in enumerate(words))
+    mesh = read_mesh(written(tmp_path_factory.getbasetemp(), text.encode()))
+    assert mesh.mending == Mending(facets_read=4 * solids, duplicate_facets=4 * (solids - 1))
+    np.testing.assert_array_equal(mesh.vertices[mesh.facets], TETRAHEDRON * 1e-3)
+
+
+@pytest.mark.parametrize("solids", [1, 2])
+@pytest.mark.parametrize("name", ["part", "part of a solid", "facet 3", "vertex normal µ", ""])
+def test_a_file_may_be_one_line(tmp_path, name, solids):
+    data = ascii(TETRAHEDRON, name).replace(b"\n", b" ") * solids
+    mesh = read_mesh(written(tmp_path, data))
+    assert mesh.mending == Mending(facets_read=4 * solids, duplicate_facets=4 * (solids - 1))
+
+
+def test_no_name_is_slow(tmp_path):
+    for word in (b"solid ", b"facet normal ", b" " * 9, b"endsolid ", b"solid facet "):
+        begun = time.perf_counter()
+        refusal(written(tmp_path, b"solid " + word * 100_000))
+        assert time.perf_counter() - begun < 10.0
+
+
+def test_a_signalling_nan_is_refused_and_numpy_says_nothing(tmp_path):
+    data = bytearray(binary(TETRAHEDRON))
+    data[84 + 12 : 84 + 16] = b"\x01\0\x80\x7f"
+    sentence = "a facet has corners that are no finite numbers, first facet 1; export it again"
+    assert refusal(written(tmp_path, bytes(data))) == sentence
 
 
 def test_a_missing_file_is_refused(tmp_path):
@@ -124,6 +182,25 @@ def test_a_missing_file_is_refused(tmp_path):
             "13: expected a number, got '-nan(ind)' in facet 2; export it again",
         ),
         (
+            ascii(TETRAHEDRON).replace(b"0.0", b"0,0"),
+            "4: expected a number, got '0,0' in facet 1: the file has decimal commas, STL has decimal points; "
+            "export it again",
+        ),
+        (
+            ascii(TETRAHEDRON).replace(b"60.0 0.0", b"60.0, 0.0"),
+            "6: expected a number, got '60.0,' in facet 1: the numbers are separated by commas, STL has blanks; "
+            "export it again",
+        ),
+        (
+            ascii(TETRAHEDRON).replace(b"60.0 0.0 0.0", b"60.0;0.0;0.0"),
+            "6: expected a number, got '60.0;0.0;0.0' in facet 1: the numbers are separated by semicolons, STL has "
+            "blanks; export it again",
+        ),
+        (
+            ascii(TETRAHEDRON).replace(b"endloop", b"\x1b[2J", 1),
+            "7: expected endloop, got '\\x1b[2j' in facet 1; export it again",
+        ),
+        (
             ascii(TETRAHEDRON).replace(b"80.0", b"nan", 1),
             "a facet has corners that are no finite numbers, first facet 2; export it again",
         ),
@@ -135,31 +212,33 @@ def test_a_missing_file_is_refused(tmp_path):
         (binary(TETRAHEDRON * 0), "no facet is left: all 4 are without area; export it again"),
         (
             binary(TETRAHEDRON * 1e36),
-            "the part's largest side is 8e+34 m, expected at most 1000 m; if the file is not in mm, say so: --unit in",
+            "4 of 4 facets have corners 7e+37 mm from the origin, expected at most 1e+06 mm, first facet 1: it is "
+            "damaged; export it again",
+        ),
+        (
+            ascii(TETRAHEDRON).replace(b"80.0", b"-1e308", 1),
+            "a facet has a corner 1e+308 mm from the origin, expected at most 1e+06 mm, first facet 2: it is damaged; "
+            "export it again",
         ),
     ],
     ids=[
         *("empty", "html", "no header", "cut between facets", "counts one more", "no facets", "counts none"),
         *("ascii without facets", "ascii cut between facets", "ascii cut inside a facet", "letter in a number"),
-        *("four corners", "windows nan", "nan", "infinity", "all on a line", "all at a point", "too large"),
+        *("decimal commas", "commas", "semicolons", "control character"),
+        *(
+            "four corners",
+            "windows nan",
+            "nan",
+            "infinity",
+            "all on a line",
+            "all at a point",
+            "too large",
+            "one corner too far",
+        ),
     ],
 )
 def test_what_cannot_be_mended_is_refused_in_one_sentence(tmp_path, data, sentence):
     assert refusal(written(tmp_path, data)) == sentence
-
-
-def test_a_part_smaller_than_the_spot_is_in_another_unit(tmp_path):
-    path = written(tmp_path, binary(TETRAHEDRON * 1e-3))
-    assert refusal(path, spot=0.06) == (
-        "the part's largest side is 0.08 mm, less than the spot of 60 mm; if the file is not in mm, say so: --unit m"
-    )
-    assert read_mesh(path, "m", spot=0.06).mending == Mending(facets_read=4)
-
-
-def test_a_millimetre_file_read_as_metres_is_too_large(tmp_path):
-    assert refusal(written(tmp_path, binary(TETRAHEDRON * 20)), unit="m") == (
-        "the part's largest side is 1.6e+03 m, expected at most 1000 m; if the file is not in m, say so: --unit mm"
-    )
 
 
 @given(st.binary(max_size=400))

@@ -77,13 +77,14 @@ class Driven(Frozen):
         along both add up to the block's own as the control crosses the plane between them.
         """
         blocks, at, ends = self.moving, 0, []
-        directions = self.trajectory.directions(blocks)[:, self.sampled]
+        directions = self.trajectory.directions(blocks, np.ones(len(blocks)))[:, self.sampled]
+        starts = self.trajectory.directions(blocks, np.zeros(len(blocks)))[:, self.sampled]
         for i, block in enumerate(blocks.tolist()):
             off = self.joints[at:, self.sampled] - self.trajectory.positions[block, self.sampled]
             if self.clock.stands[block]:
                 reached, within = off @ directions[i] / (directions[i] @ directions[i]), AT_A_STOP
             else:
-                both = np.linalg.pinv(np.column_stack([directions[i], directions[i + 1]]))
+                both = np.linalg.pinv(np.column_stack([directions[i], starts[i + 1]]))
                 reached, within = np.sum(off @ both.T, axis=1), IN_PASSING
             hits = np.flatnonzero(reached >= -within)
             assert len(hits), f"block {block}, line {self.trajectory.lines[block]}, was not reached"

@@ -22,6 +22,8 @@ from tests.helpers.plies import cut_at
 from tests.helpers.surfaces import flat_course, helix_course
 
 KINDS = NAMES
+# The moment that conftest names for every program that the tests start.
+MOMENT = "2026-01-01T00:00:00Z"
 
 
 @cache

@@ -14,14 +14,40 @@ from tapelayer.laying.limits import limits_of
 from tapelayer.laying.page import html
 from tapelayer.laying.settings import Setup
 from tapelayer.motion.trajectory import Trajectory
-from tests.helpers.judged import numbers_of, trajectory
+from tapelayer.provenance import NamedFile
+from tapelayer.reporting.not_judged import unjudged
+from tapelayer.reporting.subject import Subject
+from tapelayer.reporting.words import ENGLISH, Say
+from tests.helpers.judged import SHA256, numbers_of, trajectory
 
 VOID = {"meta", "link", "br", "hr", "img", "input"}
 
 
-def page(found: Evidence, title: str = "panel.nc", moves: Trajectory | None = None, setup: Setup | None = None) -> str:
+def subject(title: str = "panel.nc") -> Subject:
+    """A made-up subject of a report."""
+    return Subject(
+        sources=(NamedFile("panel.txt", "1" * 64),),
+        setup=NamedFile("job.toml", "2" * 64),
+        changed=({"section": "tape", "key": "width_mm", "value": 50.0, "default": 75.0},),
+        machine="tapelayer",
+        urdf=NamedFile("tapelayer.urdf", "3" * 64),
+        controller=NamedFile("jb3208", "4" * 64),
+        program=NamedFile(title, SHA256),
+        version="0.1.0",
+        judged_at="2026-01-01T00:00:00Z",
+    )
+
+
+def page(
+    found: Evidence,
+    title: str = "panel.nc",
+    moves: Trajectory | None = None,
+    setup: Setup | None = None,
+    say: Say = ENGLISH,
+) -> str:
     judged = found if setup is None else replace(found, limits=limits_of(setup))
-    return html(judged, moves or trajectory(), numbers_of(judged), setup or Setup(), title)
+    report = {"version": "0", "subject": subject(title).values(), **numbers_of(judged)}
+    return html(judged, moves or trajectory(), report, setup or Setup(), unjudged(timed=True), say)
 
 
 class Elements(HTMLParser):

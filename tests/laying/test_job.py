@@ -12,6 +12,7 @@ import pytest
 from tapelayer.errors import ProgramOfOtherSetup
 from tapelayer.laying.job import Job, LayingResult
 from tapelayer.laying.settings import Setup
+from tapelayer.reporting.subject import Occasion
 from tapelayer.spraying.job import SprayJob, SprayResult
 from tapelayer.spraying.settings import SpraySetup
 from tests.helpers.panels import flat, sheet, write_stl
@@ -81,7 +82,7 @@ def test_a_plan_that_fails_has_no_text() -> None:
     assert (report["passed"], report["program_sha256"]) == (False, "")
     assert len(made.trajectory.lines) and not made.trajectory.lines.any()
     json.dumps(report, allow_nan=False)
-    assert "FAILED" in made.page("panel.nc")
+    assert "FAILED" in made.page(Occasion("panel.nc"))
 
 
 def test_a_text_that_fails_keeps_its_bytes(laid: LayingResult) -> None:
@@ -122,4 +123,4 @@ def test_spraying_by_bytes_is_spraying_by_path(plate: Path) -> None:
     assert by_path.text == by_bytes.text
     assert by_path.report() == by_bytes.report()
     assert by_path.poses() == by_bytes.poses()
-    assert by_path.page("a") == by_bytes.page("a")
+    assert by_path.page(Occasion("a")) == by_bytes.page(Occasion("a"))

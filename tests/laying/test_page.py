@@ -23,19 +23,24 @@ def test_page_is_one_file_of_matching_tags_and_asks_no_network() -> None:
         tags = {tag for tag, _, _ in elements.found}
         assert not tags & {"script", "link", "img", "iframe", "object", "image", "use"}
         attributes = {name for _, own, _ in elements.found for name in own}
-        assert not {name for name in attributes if name.startswith("on") or name in ("src", "href", "style")}
+        assert not {name for name in attributes if name.startswith("on") or name in ("src", "style")}
+        assert all((own["href"] or "").startswith("#") for _, own, _ in elements.found if "href" in own)
         assert "prefers-color-scheme: dark" in text and "@media print" in text
         assert elements.of("p", "verdict")[0][1].startswith("PASSED" if found.passed else "FAILED")
         sections = [
             "Largest errors",
             "Axes",
+            "Subject",
             "Plan view",
             "Tape",
             "Errors along the courses",
             "Axis positions and speeds",
+            "What the quantities mean",
         ]
         assert [words for _, words in elements.of("h2")] == ([] if found.passed else ["Failures"]) + sections
-        assert "75.0 %, 18.8 %, 6.2 %" in text and "knife conflicts" in text
+        values = [words for _, words in elements.of("dd")]
+        assert values.index("75.0 %") + 1 == values.index("18.8 %") == values.index("6.2 %") - 1
+        assert "knife conflicts" in text
 
 
 HOSTILE = "</title><script>alert(1)</script><img src=x onerror=alert(2)> & \"'.nc"
@@ -45,14 +50,13 @@ def test_a_hostile_name_stays_text() -> None:
     axis = replace(axes()[0], name='x"><script>alert(3)</script>')
     moves = trajectory()
     moves = replace(moves, axes=(axis.name, "c"))
-    setup = Setup().with_values("output", controller=HOSTILE)
     failure = Failure(3, 1, f"axis_{axis.name}_mm", 9.0, 1.0)
-    text = page(evidence(axes=(axis, axes()[1]), failures=(failure,)), HOSTILE, moves, setup)
+    text = page(evidence(axes=(axis, axes()[1]), failures=(failure,)), HOSTILE, moves)
     elements = Elements(text)
     assert not elements.of("script") and not elements.of("img")
     assert elements.of("title")[0][1] == f"Verification of {HOSTILE}"
     assert elements.of("span", "name")[0][1] == HOSTILE
-    assert any(words == HOSTILE for _, words in elements.of("dd"))
+    assert any(words == HOSTILE for _, words in elements.of("td"))
     assert any(words == axis.name for _, words in elements.of("td"))
 
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tapelayer.machines.machine import Machine
-from tapelayer.motion.corners import Rule
-from tapelayer.motion.time_law import Limits, at_speed, axis_times, by_feed_word, feeds, rapids, rest_to_rest
-from tapelayer.motion.trajectory import Trajectory
+from tapelayer.motion.corners import Corner, Rule
+from tapelayer.motion.time_law import Limits, at_speed, axis_times, by_feed_word, feeds, rapids, rest_to_rest, timed
+from tapelayer.motion.trajectory import Kind, Trajectory
 from tests.helpers.chains import AXES, LINUXCNC, LOOK_AHEAD, RULES, STOP, by, chains, run
 from tests.helpers.chains import LIMITS as AXES_LIMITS
 from tests.helpers.trajectories import straight
@@ -201,3 +201,64 @@ def test_a_path_along_the_first_group_that_moves() -> None:
     both = run([{"x": 2e-6, "v": 0.095}], speed=1.0)
     found = by(LINUXCNC, replace(both, durations=stroke.requested))
     assert found.durations == pytest.approx(stroke.durations, rel=1e-6)
+
+
+RADIUS, RAMP = 0.1, 2.0
+THREE = Limits(np.full(3, 10.0), np.full(3, RAMP), np.full(3, np.inf))
+
+
+def round_corner(sweeps: list[float], straight: float = 0.0) -> Trajectory:
+    """Arcs in XY about one centre, counterclockwise by angles one after the other, between two tangent straights."""
+    angles = np.append(0.0, np.cumsum(sweeps))
+    on_circle = RADIUS * np.column_stack([np.cos(angles), np.sin(angles), 0.0 * angles])
+    forward = np.array([-np.sin(angles[-1]), np.cos(angles[-1]), 0.0])
+    points = [on_circle[0] - [0.0, straight, 0.0], *on_circle, on_circle[-1] + straight * forward]
+    kinds = [Kind.LINEAR, *[Kind.COUNTERCLOCKWISE] * len(sweeps), Kind.LINEAR]
+    rows = slice(None) if straight else slice(1, -1)
+    count = len(kinds[rows])
+    return Trajectory(
+        axes=("x", "y", "z"),
+        start=np.array(points[rows][0]),
+        positions=np.array(points[1:][rows]),
+        kinds=np.array(kinds[rows], np.uint8),
+        durations=np.full(count, 1e-3),
+        events=np.zeros(count, np.uint8),
+        courses=np.zeros(count, np.int32),
+        stated=np.zeros(count, np.uint16),
+        lines=np.zeros(count, np.int32),
+        centres=np.zeros((count, 3)),
+        planes=np.zeros(count, np.uint8),
+        tolerances=np.append(np.full(count - 1, 1e-5), 0.0),
+    )
+
+
+def on_control(trajectory: Trajectory, corner: Corner) -> Trajectory:
+    return timed(trajectory, THREE, Rule(corner, paths=((0, 1, 2),), tolerance=1e-5))
+
+
+@pytest.mark.parametrize("corner", ["stop", "look_ahead", "linuxcnc"])
+def test_an_arc_is_as_fast_as_its_turning_allows(corner: Corner) -> None:
+    """Turning takes sqrt(3)/2 of the acceleration, so that half of it is left for the ramps."""
+    speed, length = np.sqrt(np.sqrt(0.75) * RAMP * RADIUS), np.pi * RADIUS
+    by_hand = length / speed + speed / (RAMP / 2.0)
+    assert on_control(round_corner([np.pi]), corner).duration == pytest.approx(by_hand, abs=1e-3)
+
+
+@pytest.mark.parametrize("corner", ["look_ahead", "linuxcnc"])
+def test_tangent_arcs_and_straights_are_passed_at_speed(corner: Corner) -> None:
+    whole = on_control(round_corner([1.5]), corner)
+    assert on_control(round_corner([0.25, 0.75, 0.5]), corner).duration == pytest.approx(whole.duration, rel=1e-2)
+    joined = on_control(round_corner([1.5], 0.2), corner)
+    assert not np.any(joined.clock.stands[:-1])
+
+
+@pytest.mark.parametrize("corner", ["stop", "look_ahead"])
+def test_no_axis_exceeds_its_acceleration_on_an_arc(corner: Corner) -> None:
+    path = on_control(round_corner([0.5, 1.0, 2.0], 0.1), corner)
+    times = np.linspace(0.0, path.duration, 4001)
+    blocks = np.minimum(np.searchsorted(path.times, times), len(path) - 1)
+    places = path.rounded(blocks, path.fractions(blocks, times))
+    step = times[1]
+    accelerations = np.abs(np.diff(places, 2, axis=0)) / step**2
+    assert 0.9 * RAMP < np.max(accelerations) < 1.02 * RAMP
+    assert path.positions[-1] == pytest.approx(places[-1])

@@ -38,7 +38,9 @@ def test_words_know_their_letter_number_and_line() -> None:
 @example("12345678.")
 @example("-0.5")
 def test_numbers_are_the_nearest_doubles(text: str) -> None:
-    assert scanned(f"X{text} Y1").values.tolist() == [float(text), 1.0]
+    words = scanned(f"X{text} Y1")
+    assert words.values.tolist() == [float(text), 1.0]
+    assert words.decimals.tolist() == [len(text.partition(".")[2]), 0]
 
 
 @given(st.text(alphabet="0123456789.+-", max_size=18))
@@ -49,6 +51,24 @@ def test_numbers_are_well_formed_or_refused(text: str) -> None:
     else:
         with pytest.raises(ProgramRefused, match=r"p\.nc:1:1: expected a number after X, got"):
             words.source.refuse()
+
+
+def test_no_number_is_so_large_that_sums_overflow() -> None:
+    assert scanned(f"X{'0' * 400}1{'0' * 50}").values.tolist() == [1e50]
+    sentence = rf"p\.nc:1:1: expected a number after X, got {'9' * 40}\.\.\.$"
+    for text in ("9" * 400, "9" * 101):
+        with pytest.raises(ProgramRefused, match=sentence):
+            scanned(f"X{text}").source.refuse()
+
+
+def test_all_decimal_commas_get_one_sentence() -> None:
+    with pytest.raises(ProgramRefused) as caught:
+        scanned("G1 X1,5 Y-2,25\nX+3,0 Z4,\n").source.refuse()
+    assert str(caught.value).splitlines() == [
+        "p.nc:1:4: expected a number after X, got 1,5: numbers have decimal commas, 3 in this program; "
+        "write decimal points",
+        "p.nc:2:7: expected a number after Z, got 4,",
+    ]
 
 
 def test_a_line_begins_with_a_word() -> None:

@@ -20,9 +20,10 @@ from tapelayer.reporting import quantity
 from tapelayer.reporting.page import quantities_table
 from tapelayer.reporting.quantity import Listing, Quantity, Row, numbers, quantities
 from tapelayer.reporting.summary import summary
-from tapelayer.reporting.words import Words
+from tapelayer.reporting.words import ENGLISH, Words
 from tapelayer.verification.limits import Limit
 from tests.helpers.judged import evidence, trajectory
+from tests.helpers.pages import subject
 from tests.helpers.paths import ROOT
 
 MADE_UP: Quantity[Evidence] = Quantity(
@@ -58,11 +59,11 @@ def test_a_new_quantity_is_everywhere(with_a_row: tuple[Row[Evidence], ...]) -> 
     assert report[MADE_UP.key] == 1500.0
 
     text = io.StringIO()
-    Console(file=text, width=120).print(summary(with_a_row, report, judged.limits))
+    Console(file=text, width=120).print(summary(with_a_row, report, judged.limits, ()))
     (line,) = (line for line in text.getvalue().splitlines() if "roller squeak" in line)
     assert [cell.strip() for cell in line.split("│")[1:4]] == ["roller squeak", "1,500.0 mm", "2,000 mm"]
 
-    html = page.html(judged, trajectory(), report, job.Setup(), "p.nc")
+    html = page.html(judged, trajectory(), {**report, "subject": subject("p.nc").values()}, job.Setup(), ())
     assert "<td>roller squeak</td><td>1,500.0</td><td>mm</td><td>2,000</td><td>75%</td>" in html
 
     app = fastapi.FastAPI()
@@ -86,8 +87,8 @@ def test_what_is_required_and_was_not_measured_fails() -> None:
 def test_a_value_beyond_its_limit_is_drawn_as_such() -> None:
     report: dict[str, Any] = {MADE_UP.key: 2001.0}
     rows = (MADE_UP,)
-    beyond = quantities_table(rows, report, {MADE_UP.key: Limit(2000.0)})
-    kept = quantities_table(rows, report, {MADE_UP.key: Limit(2001.0)})
+    beyond = quantities_table(rows, report, {MADE_UP.key: Limit(2000.0)}, ENGLISH)
+    kept = quantities_table(rows, report, {MADE_UP.key: Limit(2001.0)}, ENGLISH)
     drawn = [{node.get("class") for node in table.iter()} for table in (beyond, kept)]
     assert ["used beyond" in styles for styles in drawn] == [True, False]
 

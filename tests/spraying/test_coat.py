@@ -104,6 +104,9 @@ def test_what_the_wrist_does_not_reach_is_no_part_of_the_coat() -> None:
     assert np.all(found.surface.normals[:, 2] >= math.cos(math.radians(15)) - 1e-9)
     whole, _ = coat(WAVE)
     assert 0 < len(found.surface.points) < len(whole.surface.points)
+    # But of what is to be covered.
+    share = np.sum(found.surface.areas) / np.sum(whole.surface.areas)
+    assert found.evenness.coverage_percent <= 100.0 * share + 1e-9 < whole.evenness.coverage_percent
 
 
 @pytest.mark.parametrize("text", ["", "[footprint]\nrate_mm3_per_s = 80"])

@@ -206,7 +206,9 @@ def test_a_sprayed_plane_is_as_even_as_the_raster_says(footprint: Footprint, pit
     surface = Surface(
         np.column_stack([np.zeros(60), y, np.zeros(60)]), np.tile([0.0, 0, 1], (60, 1)), np.full(60, pitch / 60)
     )
-    found = evenness(exposure(footprint, H, spots, surface), surface, np.ones(60, dtype=np.bool_))
+    found = evenness(
+        exposure(footprint, H, spots, surface), surface, np.ones(60, dtype=np.bool_), float(np.sum(surface.areas))
+    )
     # Everything that a metre of pass leaves in its strip.
     assert found.mean == pytest.approx(1 / (0.3 * pitch), rel=2e-3)
     assert found.cv_percent == pytest.approx(100 * raster_cv(footprint, pitch), abs=0.25)
@@ -217,7 +219,7 @@ def test_evenness_by_hand() -> None:
     areas = np.array([1.0, 2.0, 1.0, 4.0])
     thickness = np.array([2.0, 4.0, 6.0, 0.5])
     surface = Surface(np.zeros((4, 3)), np.zeros((4, 3)), areas)
-    found = evenness(thickness, surface, np.array([True, True, True, False]))
+    found = evenness(thickness, surface, np.array([True, True, True, False]), float(np.sum(surface.areas)))
     mean = (2 + 8 + 6 + 2) / 8
     variance = (1 * (2 - mean) ** 2 + 2 * (4 - mean) ** 2 + 1 * (6 - mean) ** 2 + 4 * (0.5 - mean) ** 2) / 8
     assert found == Evenness(
@@ -232,10 +234,10 @@ def test_evenness_by_hand() -> None:
 
 def test_evenness_of_nothing_is_no_number() -> None:
     surface = level(0.1, 0.05)
-    bare = evenness(np.zeros(4), surface, np.ones(4, dtype=np.bool_))
+    bare = evenness(np.zeros(4), surface, np.ones(4, dtype=np.bool_), float(np.sum(surface.areas)))
     assert bare.mean == bare.interior_mean == 0
     assert math.isnan(bare.cv_percent) and math.isnan(bare.cv_interior_percent) and math.isnan(bare.coverage_percent)
-    rim = evenness(np.ones(4), surface, np.zeros(4, dtype=np.bool_))
+    rim = evenness(np.ones(4), surface, np.zeros(4, dtype=np.bool_), float(np.sum(surface.areas)))
     assert rim.mean == 1 and rim.cv_percent == 0
     assert math.isnan(rim.interior_mean) and math.isnan(rim.cv_interior_percent) and math.isnan(rim.coverage_percent)
 

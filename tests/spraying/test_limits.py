@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tapelayer.errors import SetupRefused
+from tapelayer.reporting.subject import Occasion
 from tapelayer.spraying.job import SprayJob, SprayResult
 from tapelayer.spraying.quantities import limited
 from tests.helpers.kinds import source, sprayed_wave
@@ -50,7 +51,7 @@ def test_the_gun_beside_creases_is_judged_where_a_limit_is_set() -> None:
 
 def test_without_limits_the_verdict_stays_and_the_page_names_what_is_open() -> None:
     assert limited(sprayed_wave().judged).failures == ()
-    assert len(Elements(sprayed_wave().page("wave.nc")).of("span", "open")) == 4
+    assert len(Elements(sprayed_wave().page(Occasion("wave.nc"))).of("span", "open")) == 4
 
 
 @pytest.mark.parametrize("key", ["max_thickness_deviation_percent", "min_coverage_percent"])

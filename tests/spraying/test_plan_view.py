@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 
+from tapelayer.reporting.subject import Occasion
 from tapelayer.spraying.plan_view import BINS, plan_view
 from tapelayer.units import MM
 from tests.helpers.kinds import sprayed_wave
@@ -14,7 +15,7 @@ from tests.helpers.pages import Elements, drawn, figures
 
 def test_every_pass_is_drawn_to_scale_with_an_arrow_along_it() -> None:
     passes = sprayed_wave().job.pass_plan.passes
-    elements = Elements(figures(sprayed_wave().page("wave.nc"), "Plan view"))
+    elements = Elements(figures(sprayed_wave().page(Occasion("wave.nc")), "Plan view"))
     ways = [piece for attributes, _ in elements.of("path", "line way") for piece in drawn(attributes["d"] or "")]
     assert len(ways) == len(passes)
     ends = np.array([found.path.points[[0, -1], :2] for found in passes]).reshape(-1, 2) / MM
@@ -35,7 +36,7 @@ def test_every_pass_is_drawn_to_scale_with_an_arrow_along_it() -> None:
 def test_the_histogram_shows_all_of_the_area_and_its_mean() -> None:
     coat = sprayed_wave().judged.coat
     assert coat is not None
-    elements = Elements(figures(sprayed_wave().page("wave.nc"), "Histogram"))
+    elements = Elements(figures(sprayed_wave().page(Occasion("wave.nc")), "Histogram"))
     (bars,) = (attributes["d"] or "" for attributes, _ in elements.of("path", "used"))
     corners = [[float(value) for value in re.findall(r"-?[\d.]+", bar)] for bar in bars.split("M")[1:]]
     heights = np.array([foot - top for _, foot, top, _, _ in corners])
@@ -50,7 +51,7 @@ def test_the_histogram_shows_all_of_the_area_and_its_mean() -> None:
 
 def test_sections_go_along_the_longest_pass_and_across_it() -> None:
     longest = max(sprayed_wave().job.pass_plan.passes, key=lambda found: found.path.length)
-    page = sprayed_wave().page("wave.nc")
+    page = sprayed_wave().page(Occasion("wave.nc"))
     for name in (f"along pass {longest.path.number}", "across the passes"):
         (line,) = Elements(figures(page, f"Thickness {name}")).of("path", "line first")
         assert len(drawn(line[0]["d"] or "")[0]) > 5
@@ -64,3 +65,13 @@ def test_plating_has_passes_and_no_coat() -> None:
     assert len(plan.passes) == sum(
         (node.get("d") or "").count("M") for node in without[0].iter() if node.get("class") == "line way"
     )
+
+
+def test_the_marks_beside_a_low_plan_do_not_lie_on_each_other() -> None:
+    elements = Elements(figures(sprayed_wave().page(Occasion("wave.nc")), "Plan view"))
+    rows = [(float(own["y"] or ""), words) for own, words in elements.of("text", "tick") if float(own["x"] or "") > 800]
+    heights = sorted(height for height, _ in rows)
+    assert {"above", "below", "no coat"} <= {words for _, words in rows}
+    assert min(np.diff(heights)) > 9
+    (box,) = (own["viewbox"] or "" for own, _ in elements.of("svg"))
+    assert float(box.split()[3]) > heights[-1]

@@ -112,7 +112,7 @@ def in_part(passes: Sequence[Pass], mesh: Mesh, spraying: Spraying) -> Floats:
 @pytest.mark.parametrize("name", [*OPEN_SKINS, *REAL_OPEN_SKINS])
 def test_whole_parts_keep_the_gun_within_its_limit(part: Callable[[str], Path], name: str) -> None:
     setup = spray_setup_of("[spray]\npitch_mm = 100\ndirection_deg = 30\nmax_gap_mm = 60")
-    mesh = read_mesh(part(name), spot=0.06)
+    mesh = read_mesh(part(name))
     mesh = placed(mesh, setup)
     plan = plan_passes(mesh, setup, sprayer(), 0.1)
     spraying = spray(plan.passes, setup, sprayer(), float(mesh.vertices[:, 2].max()))

@@ -9,6 +9,7 @@ import re
 import numpy as np
 import pytest
 
+from tapelayer.errors import PartBeyondReach
 from tapelayer.spraying.evidence import SpraySamples
 from tapelayer.spraying.job import SprayJob, SprayResult
 from tapelayer.units import DEG, MM
@@ -99,3 +100,17 @@ def test_a_program_that_fails_says_where() -> None:
         assert set(failure) == {"pass", "point", "what", "value", "limit", "line"}
     places = {failure["line"] for failure in report["failures"]}
     assert min(abs(place - (lines.index(line) + 1)) for place in places) <= 1
+
+
+def test_what_lies_beyond_the_travel_counts_against_coverage_and_is_told() -> None:
+    plate = sheet(np.linspace(0, 300, 7), [0, 50, 100], flat)
+    whole = of(plate)
+    assert whole.notes() == () and whole.report()["coverage_percent"] == pytest.approx(100.0, abs=0.5)
+    text = "[machine]\nlimits_mm = {x = [0, 1300]}\n[part]\nx_mm = 1100\n"
+    cut = of(plate, text)
+    assert cut.notes() == ("part.stl: 0.01 m2 of the surface lie beyond the machine's reach: no pass goes there",)
+    assert cut.report()["coverage_percent"] == pytest.approx(100.0 * 2 / 3, abs=6.0)
+    judged = of(plate, text + "[verification]\nmin_coverage_percent = 90\n")
+    assert judged.failure is not None and [one["what"] for one in judged.report()["failures"]] == ["coverage_percent"]
+    with pytest.raises(PartBeyondReach, match=r"^part\.stl: 0\.02 m2 of the 0\.03 m2 seen from above lie beyond"):
+        of(plate, text.replace("1100", "1200"))

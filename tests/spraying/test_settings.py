@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tapelayer.errors import SetupRefused
-from tapelayer.setups.sections import default_text, parse_setup
+from tapelayer.setups.sections import parse_setup, whole_text
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.units import DEG, MM
 
@@ -22,12 +22,12 @@ def refused(text: str) -> str:
     return str(caught.value)
 
 
-def test_default_text_is_the_default_setup() -> None:
-    assert parsed(default_text(SpraySetup, TITLE)) == SpraySetup()
+def test_whole_text_is_the_default_setup() -> None:
+    assert parsed(whole_text(SpraySetup(), TITLE)) == SpraySetup()
 
 
-def test_default_text_describes_every_key() -> None:
-    text = default_text(SpraySetup, TITLE)
+def test_whole_text_describes_every_key() -> None:
+    text = whole_text(SpraySetup(), TITLE)
     for name, field in SpraySetup.model_fields.items():
         assert f"[{name}]" in text
         for key, value in field.annotation.model_fields.items():  # type: ignore[union-attr]
@@ -140,7 +140,7 @@ def test_files_are_relative_to_the_setup_file() -> None:
 
 def test_sha256_is_of_the_effective_values() -> None:
     default = SpraySetup().sha256(b"urdf", b"")
-    assert parsed(default_text(SpraySetup, TITLE)).sha256(b"urdf", b"") == default
+    assert parsed(whole_text(SpraySetup(), TITLE)).sha256(b"urdf", b"") == default
     assert parsed("[spray]\ndirection_deg = 1").sha256(b"urdf", b"") != default
     assert SpraySetup().sha256(b"other", b"") != default
     assert SpraySetup().sha256(b"urdf", b"0 1") != default

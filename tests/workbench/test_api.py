@@ -21,10 +21,12 @@ import pytest
 from tapelayer.cli import main
 from tapelayer.laying.job import Job
 from tapelayer.laying.settings import Setup
+from tapelayer.reporting.subject import Occasion
 from tapelayer.setups.sections import parse_setup
 from tapelayer.workbench import answers, api
 from tapelayer.workbench.problems import Problem
 from tests.helpers.forms import FORM, Part, body_of
+from tests.helpers.kinds import MOMENT
 from tests.helpers.panels import sheet, write_stl
 from tests.helpers.paths import ROOT
 from tests.helpers.served import Client, Workbench
@@ -120,11 +122,11 @@ def test_a_program_is_the_command_lines(
     tmp_path: Path, client: Client, setup: str, controller: str, parts: dict[str, str]
 ) -> None:
     contents = {name: {"urdf": TAPELAYER.read_bytes(), "controller": LINUXCNC}[what] for name, what in parts.items()}
-    for name, data in {**contents, "铺层.txt": FLAT, "job.toml": setup.encode()}.items():
+    for name, data in {**contents, "铺层.txt": FLAT, "setup.toml": setup.encode()}.items():
         (tmp_path / name).write_bytes(data)
-    chosen = ["--controller", controller] if controller else []
+    chosen = [*(["--controller", controller] if controller else []), *(["--setup", "setup.toml"] if setup else [])]
     files = ["-o", "铺层.nc", "--report", "a.json", "--html", "a.html"]
-    command(tmp_path, "export", "铺层.txt", "--setup", "job.toml", *chosen, *files)
+    command(tmp_path, "export", "铺层.txt", *chosen, *files)
     texts = {"setup": setup} | ({"controller": controller} if controller else {})
     job = client.made("铺层.txt", FLAT, parts=contents, **texts)
     assert (job["state"], job["name"], job["progress"]) == ("done", "铺层.txt", 1)
@@ -134,12 +136,16 @@ def test_a_program_is_the_command_lines(
     assert job["summary"]["program_sha256"] == hashlib.sha256(program.content).hexdigest()
     assert client.result(job["id"], "report.json").content == (tmp_path / "a.json").read_bytes()
     assert client.result(job["id"], "report.html").content == (tmp_path / "a.html").read_bytes()
+    command(tmp_path, "export", "铺层.txt", *chosen, *files, "--language", "zh")
+    assert client.result(job["id"], "report.html?language=zh").content == (tmp_path / "a.html").read_bytes()
     assert client.result(job["id"], "source").content == FLAT
     assert client.result(job["id"], "urdf").content == TAPELAYER.read_bytes()
     for name, data in contents.items():
         assert client.result(job["id"], f"parts/{name}").content == data
     effective = parse_setup(client.result(job["id"], "setup").content, "a.toml", Setup)
     asked = parse_setup(setup.encode(), "a.toml", Setup)
+    whole = client.result(job["id"], "setup?whole=true").content
+    assert parse_setup(whole, "a.toml", Setup) == effective and whole.count(b"\n") > 50
     assert effective == (asked.with_values("output", controller=controller) if controller else asked)
 
 
@@ -147,8 +153,8 @@ def test_a_spraying_program_is_the_command_lines(
     tmp_path: Path, client: Client, sprayed: dict[str, Any], wave: bytes
 ) -> None:
     (tmp_path / "wave.stl").write_bytes(wave)
-    (tmp_path / "job.toml").write_text("[footprint]\nrate_mm3_per_s = 100\n")
-    command(tmp_path, "spray", "wave.stl", "--setup", "job.toml", "--trajectory", "a.txt", "--report", "a.json")
+    (tmp_path / "setup.toml").write_text("[footprint]\nrate_mm3_per_s = 100\n")
+    command(tmp_path, "spray", "wave.stl", "--setup", "setup.toml", "--trajectory", "a.txt", "--report", "a.json")
     assert client.result(sprayed["id"], "program").content == (tmp_path / "wave.nc").read_bytes()
     assert client.result(sprayed["id"], "trajectory").content == (tmp_path / "a.txt").read_bytes()
     assert client.result(sprayed["id"], "report.json").content == (tmp_path / "a.json").read_bytes()
@@ -251,6 +257,28 @@ def test_a_program_judged_bad_is_withheld(client: Client, judged_bad: dict[str, 
     assert len(table(client, job, "poses")[1]) == client.result(job, "blocks").json()["rows"]
 
 
+@pytest.mark.parametrize(
+    ("query", "liked", "language"),
+    [
+        ("", "", "en"),
+        ("", "zh-CN,zh;q=0.9,en;q=0.8", "zh"),
+        ("", "de, en;q=0.1, zh;q=0", "en"),
+        ("?language=zh", "en", "zh"),
+        ("?language=en", "zh", "en"),
+    ],
+)
+def test_a_report_page_is_in_the_askers_language(
+    client: Client, laid: dict[str, Any], query: str, liked: str, language: str
+) -> None:
+    page = client.get(f"/api/v1/jobs/{laid['id']}/report.html{query}", headers={"Accept-Language": liked})
+    assert (page.headers["content-language"], page.headers["vary"]) == (language, "Accept-Language")
+    assert ("校验报告" in page.text) == (language == "zh")
+
+
+def test_a_language_that_there_is_not_is_refused(client: Client, laid: dict[str, Any]) -> None:
+    assert client.result(laid["id"], "report.html?language=fr").status_code == 422
+
+
 def test_a_report_page_can_do_nothing(client: Client, laid: dict[str, Any]) -> None:
     page = client.result(laid["id"], "report.html")
     assert page.headers["content-type"] == "text/html; charset=utf-8"
@@ -324,7 +352,7 @@ def test_a_program_is_judged(client: Client, laid: dict[str, Any]) -> None:
 
 
 def test_a_spraying_program_is_judged(client: Client, sprayed: dict[str, Any], wave: bytes) -> None:
-    files = {"program": ("a.nc", client.result(sprayed["id"], "program").content), "file": ("wave.stl", wave)}
+    files = {"program": ("wave.nc", client.result(sprayed["id"], "program").content), "file": ("wave.stl", wave)}
     setup = client.result(sprayed["id"], "setup").text
     answer = client.post("/api/v1/verify", files=files, data={"kind": "spray", "setup": setup})
     assert answer.json() == without_hash(client.result(sprayed["id"], "report.json").json()) | {"remarks": []}
@@ -531,5 +559,7 @@ def test_fifty_jobs_of_eight_clients_are_not_mixed_up(tmp_path: Path) -> None:
         setup = parse_setup(setups[number].encode(), "a.toml", Setup)
         expected = Job.of(FLAT, f"{number}.txt", setup).make(f"{number}.nc")
         assert (name, program) == (f"{number}.txt", expected.text)
-        assert without_hash(report) == json.loads(json.dumps(expected.report()))
+        assert without_hash(report) == json.loads(
+            json.dumps(expected.report(Occasion(f"{number}.nc", "setup.toml", MOMENT)))
+        )
     assert names == [{f"{number}.txt" for number in range(50) if number % 8 == of} for of in range(8)]

@@ -19,7 +19,7 @@ from tapelayer.jobs.kinds import NAMES, KindName, kind_of
 from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
 from tapelayer.setups.forms import text_of, text_of_values, values_of
-from tapelayer.setups.sections import parse_setup
+from tapelayer.setups.sections import parse_setup, whole_text
 from tapelayer.spraying.job import SprayJob
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench import catalogue
@@ -156,6 +156,14 @@ def test_values_become_toml() -> None:
         "process": {},
         "output": {"controller": 'a "b"'},
     }
+
+
+def test_a_default_setup_is_written_whole() -> None:
+    response = CLIENT.post("/setup/format", json={"kind": "lay", "values": {"tape": {"width_mm": 50}}, "whole": True})
+    kind = kind_of("lay")
+    setup = parse_setup(response.content, "setup.toml", kind.setup)
+    assert setup == kind.setup().with_values("tape", width_mm=50.0)
+    assert response.text == whole_text(setup, kind.title) and len(response.text) > 1000
 
 
 def test_what_no_file_may_hold_is_refused() -> None:

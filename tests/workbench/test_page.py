@@ -9,7 +9,6 @@ import re
 import subprocess
 import sys
 import time
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from operator import itemgetter
@@ -229,7 +228,8 @@ def test_downloads_are_the_command_line_s(laid: Person, made: Made, tmp_path: Pa
     _, page = laid.download("download-report-html")
     _, report = laid.download("download-report-json")
     _, setup = laid.download("download-setup")
-    assert tomllib.loads(setup.decode()) == CHANGED
+    told = parse_setup(setup, "setup.toml", Setup).model_dump()
+    assert told == Setup.model_validate(CHANGED).model_dump()
     (tmp_path / EXAMPLE).write_bytes(COURSES)
     (tmp_path / "setup.toml").write_bytes(setup)
     options = ["--setup", "setup.toml", "-o", name, "--report", "a.json", "--html", "a.html"]
@@ -499,11 +499,18 @@ def test_a_setup_is_loaded_and_saved(guest: Person) -> None:
     api.expect(guest["field-tape-width_mm"]).to_have_value("50")
     api.expect(guest["field-machine-limits_mm-x-upper"]).to_have_value("2100")
     api.expect(guest["field-head-run_out"]).to_have_value("none")
-    assert tomllib.loads(guest.download("save-setup")[1].decode()) == values
+    saved = parse_setup(guest.download("save-setup")[1], "setup.toml", Setup).model_dump()
+    assert saved == Setup.model_validate(values).model_dump()
     guest.choose_file("load-setup", "b.toml", b"[tape]\nwidth_mm = -5\nwidht = 3\n[part]\nl1_mm = 'far'\n")
     api.expect(guest["problem"]).to_have_attribute("data-code", "setup-refused")
-    for words in ("width_mm", "widht", "l1_mm"):
+    for words in ("Tape: Width", "widht", "Part's place: Along x (l1)"):
         guest.see("problem", words)
+    guest["problem"].get_by_role("button", name="Tape: Width").click()
+    api.expect(guest["field-tape-width_mm"]).to_be_focused()
+    guest["language"].select_option("zh")
+    guest.see("problem", "预浸带：带宽: 应大于 0，实为 -5")
+    guest.see("problem", "[tape] 中未知的键 widht；是否为 width_mm？")
+    guest["language"].select_option("en")
     guest.refused("/api/v1/setup/parse", 422)
     assert guest["field-tape-width_mm"].input_value() == "50"
     guest.keep("setup-refused")

@@ -46,6 +46,7 @@ def test_a_worker_finds_its_folder_as_it_expects_it(tmp_path: Path) -> None:
     assert request == {
         "kind": "spray",
         "name": "铺层.txt",
+        "setup_name": "setup.toml",
         "unit": "in",
         "parts": ["gun.txt", "mine.toml"],
         "mould": "",
@@ -83,6 +84,7 @@ def test_what_is_judged(tmp_path: Path) -> None:
         "kind": "verify",
         "of": "lay",
         "name": "a.txt",
+        "setup_name": "",
         "unit": "mm",
         "parts": [],
         "program_name": "b.nc",
@@ -139,7 +141,7 @@ def test_a_urdf_only_describes(tmp_path: Path, data: bytes, code: str, sentence:
         ({}, "invalid-request", "kind: expected lay or spray, it is missing"),
         ({"kind": "Lay"}, "invalid-request", "kind: expected lay or spray, got 'Lay'"),
         ({"kind": "lay", "unit": "mm"}, "invalid-request", "unit: a unit belongs to kind spray, course files are in "),
-        ({"kind": "spray", "unit": "ft"}, "invalid-request", "unit: expected mm or m or in, got 'ft'"),
+        ({"kind": "spray", "unit": "ft"}, "invalid-request", "unit: expected mm or cm or m or in, got 'ft'"),
         ({"kind": "lay", "controller": "fanuc"}, "name-not-allowed", "[output] controller: 'fanuc' is neither built "),
     ],
 )

@@ -19,13 +19,17 @@ from tapelayer.jobs.kinds import kind_of
 from tapelayer.jobs.stages import Stage
 from tapelayer.laying.job import Job
 from tapelayer.laying.settings import Setup
+from tapelayer.reporting.subject import Occasion
 from tapelayer.reporting.words import Words
 from tapelayer.setups.sections import parse_setup
 from tapelayer.spraying.job import SprayJob
 from tapelayer.spraying.settings import SpraySetup
+from tapelayer.workbench.store import PAGES
 from tapelayer.workbench.worker import Stages
+from tests.helpers.kinds import MOMENT
 from tests.helpers.panels import flat, sheet, write_stl
 from tests.helpers.paths import EXAMPLES, ROOT
+from urdf import TAPELAYER
 
 COURSES = EXAMPLES / "flat_panel_00.txt"
 PLENTY = 8 * 2**30
@@ -87,12 +91,13 @@ def test_a_lay_job_is_the_librarys_with_tables_of_it(tmp_path: Path) -> None:
     told = Job.of(COURSES.read_bytes(), "铺层.txt", parse_setup(setup.encode(), "setup.toml", Setup)).make("铺层.nc")
     out = made(folder)
     assert out["program.nc"] == told.text
-    assert out["report.json"] == told.report_file()
-    assert out["report.html"] == told.page_file("铺层.nc")
+    assert out["report.json"] == told.report_file(Occasion("铺层.nc", "", MOMENT))
+    assert out["report.html"] == told.page_file(Occasion("铺层.nc", "", MOMENT))
+    assert out["report.zh.html"] == told.page_file(Occasion("铺层.nc", "", MOMENT), "zh")
     assert out["setup.toml"].decode() == setup
     assert out["machine.urdf"] == told.job.machine.path.read_bytes()
     tables = {f"{name}.{end}" for name in (*TABLES, "tape") for end in ("f32", "json")}
-    plain = {"program.nc", "report.json", "report.html", "setup.toml", "machine.urdf", "blocks.json"}
+    plain = {"program.nc", *PAGES.values(), "report.json", "setup.toml", "machine.urdf", "blocks.json"}
     assert set(out) == tables | plain
     assert rising(lines[:-1]) == [stage.name for stage in kind_of("lay").making]
     report = told.report()
@@ -127,7 +132,7 @@ def test_a_spray_job_is_the_librarys(tmp_path: Path, plate: bytes) -> None:
     out = made(folder)
     assert out["program.nc"] == told.text
     assert out["trajectory.txt"] == told.files()["trajectory.txt"]
-    assert out["report.json"] == told.report_file()
+    assert out["report.json"] == told.report_file(Occasion("plate.nc", "", MOMENT))
     assert {f"{name}.f32" for name in (*TABLES, "part", "coat")} <= set(out)
     assert rising(lines[:-1]) == [stage.name for stage in kind_of("spray").making]
     assert lines[-1]["state"] == "done"
@@ -143,7 +148,7 @@ def test_a_verdict_is_given_good_or_bad(tmp_path: Path) -> None:
     lines, _ = carry_out(good)
     assert rising(lines[:-1]) == [stage.name for stage in kind_of("lay").judging]
     assert (lines[-1]["state"], lines[-1]["summary"]["passed"]) == ("done", True)
-    assert set(made(good)) == {"report.json", "report.html"}
+    assert set(made(good)) == {"report.json", *PAGES.values()}
     assert json.loads(made(good)["report.json"])["passed"] is True
     edited = text.replace(b" Y940.000", b" Y941.000")
     assert edited != text
@@ -199,6 +204,29 @@ def test_a_setup_names_files_that_came_with_it(tmp_path: Path) -> None:
     error = carry_out(folder)[0][-1]["error"]
     assert error["code"] == "model-refused"
     assert error["detail"].startswith("mine.urdf") and str(tmp_path) not in error["detail"]
+
+
+@pytest.mark.parametrize(
+    ("change", "detail"),
+    [
+        (
+            ('upper="2.5"', 'upper="2,5"'),
+            ":57: joint 'x': <limit> upper is '2,5', expected a number",
+        ),
+        (
+            ('type="revolute"', 'type="continuous"'),
+            ": axis c turns without end, and hoses, cables and tape do not",
+        ),
+    ],
+)
+def test_a_urdf_loses_no_detail_over_http(tmp_path: Path, change: tuple[str, str], detail: str) -> None:
+    folder = lay(tmp_path / "job", setup='[machine]\nurdf = "mine.urdf"\n')
+    (folder / "parts").mkdir()
+    (folder / "parts" / "mine.urdf").write_text(TAPELAYER.read_text("utf-8").replace(*change, 1), "utf-8")
+    lines, errors = carry_out(folder)
+    error = lines[-1]["error"]
+    assert (error["code"], errors) == ("model-refused", "")
+    assert error["detail"].startswith(f"mine.urdf{detail}")
 
 
 def test_what_cannot_be_saved_names_no_folder_of_the_server(tmp_path: Path) -> None:

@@ -31,7 +31,10 @@ startTheme(() => panels.forEach((panel) => panel.retheme?.()));
 const app = document.getElementById("app")!;
 const layout = createLayout(app);
 const selection = createSelection();
-const notice = createNotice(layout.notice);
+const notice = createNotice(layout.notice, {
+  kind: () => input.kind,
+  go: (section, key) => form.go(section, key),
+});
 const help = createHelp();
 
 const badge = h("div", { class: "badge-place" });
@@ -157,6 +160,8 @@ async function loadSetup(): Promise<void> {
   loader.value = "";
   if (!file) return;
   try {
+    // Values that are written before there are fields would be lost.
+    await started;
     form.write(await api.parseSetup(input.kind, await file.text()));
     notice.clear();
   } catch (error) {
@@ -189,7 +194,7 @@ function refuse(sentences: string[]): void {
 
 async function saveSetup(): Promise<void> {
   try {
-    const text = await api.formatSetup(input.kind, form.values());
+    const text = await api.formatSetup(input.kind, form.values(), true);
     const url = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
     h("a", { href: url, download: `${input.kind}.toml` }).click();
     URL.revokeObjectURL(url);
@@ -312,10 +317,12 @@ function drawHeader(loaded: Made | null): void {
     return;
   }
   const of = t("download.of", { name: loaded.job.name, id: loaded.job.id.slice(0, 8) });
+  const queries = { "report.html": `?language=${currentLanguage()}`, "report.json": "", setup: "?whole=true" };
   const links = DOWNLOADS.map((what) => {
     const testid = `download-${what.replace(".", "-")}`;
     const texts = { t: `download.${what}`, title: `${t(`download.${what}.about`)} · ${of}` };
-    return h("a", { href: loaded.url(what), download: fileName(loaded.job, what), testid, class: "button", ...texts });
+    const href = loaded.url(what) + queries[what];
+    return h("a", { href, download: fileName(loaded.job, what), testid, class: "button", ...texts });
   });
   downloads.replaceChildren(...links);
 }

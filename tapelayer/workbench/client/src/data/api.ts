@@ -211,8 +211,9 @@ export async function parseSetup(kind: Kind, toml: string): Promise<SetupValues>
   return (await askJson<{ values: SetupValues }>(`/setup/parse?kind=${kind}`, init)).values;
 }
 
-export async function formatSetup(kind: Kind, values: SetupValues): Promise<string> {
-  return (await postJson("/setup/format", { kind, values })).text();
+/** Values as TOML; whole: with the default and the meaning of every other key, too. */
+export async function formatSetup(kind: Kind, values: SetupValues, whole = false): Promise<string> {
+  return (await postJson("/setup/format", { kind, values, whole })).text();
 }
 
 export function createJob(request: Request, signal: AbortSignal): Promise<Job> {

@@ -27,7 +27,7 @@ export interface Import {
   retranslate(): void;
 }
 
-const UNITS = ["mm", "m", "in"];
+const UNITS = ["mm", "cm", "m", "in"];
 
 const uploaded = (file: File): Source => ({ name: file.name, file: async () => file });
 

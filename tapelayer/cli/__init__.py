@@ -1,0 +1,19 @@
+"""The command line: it may import every package, and no package imports it."""
+
+from __future__ import annotations
+
+import sys
+
+from tapelayer.cli import making, showing
+from tapelayer.cli.application import app, command
+from tapelayer.dispatch import run
+from tapelayer.workbench.command import EPILOG, serve
+
+__all__ = ["app", "main", "making", "showing"]
+
+command(epilog=EPILOG)(serve)
+
+
+def main() -> None:
+    """Run the command line."""
+    run(app, sys.argv[1:], "tapelayer")
