@@ -18,8 +18,8 @@ from pydantic_core import _pydantic_core
 from tapelayer.errors import AxisBeyondTravel, CourseFileRefused, InputFault, InputRefused
 from tapelayer.jobs.kinds import kinds
 from tapelayer.language import OTHERS, Language
-from tapelayer.reporting.quantity import Group, Quantity
 from tapelayer.reporting.failure_names import worded
+from tapelayer.reporting.quantity import Group, Quantity
 from tapelayer.sentences import PLACE, catalogue, translated
 from tapelayer.verification.failures import Failure
 from tests.helpers.paths import ROOT
