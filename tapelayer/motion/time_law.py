@@ -327,7 +327,8 @@ class _Ramps(Frozen):
         since, left = times[rows] - self.begins[other, None], self.ends[other, None] - times[rows]
         rate = self.accelerations[other, None]
         ramps = np.minimum(self.first[other, None] + rate * since, self.last[other, None] + rate * left)
-        inside = (since > SAME_MOMENT) & (left > SAME_MOMENT)
+        # A block may begin with the one before; where the next begins, its own speed there is the one that counts.
+        inside = (since > -SAME_MOMENT if shift < 0 else since > SAME_MOMENT) & (left > SAME_MOMENT)
         found[rows] = np.where(inside, np.minimum(ramps, self.tops[other, None]), 0.0)
         return found
 
