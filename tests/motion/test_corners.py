@@ -168,7 +168,7 @@ def test_axes_without_accelerations_need_no_time_for_ramps() -> None:
 
 
 def test_a_block_that_an_arc_shortens_overlaps_the_one_before_by_no_more_than_is_left() -> None:
-    """A fast pass that turns, a slow straight 12 mm, and a link at a right angle: the way adds up, and no joint jumps."""
+    """A fast turning pass, a slow straight 12 mm, a link at a right angle: the way adds up, and no joint jumps."""
     steps = np.zeros((4, 6))
     steps[:, 0], steps[:, 1], steps[:, 3] = [0.032, 0.012, 0.0, 0.0], [0.0, 0.0, 0.015, 0.044], [0.03, 0.0, 0.0, 0.3]
     found = by(LINUXCNC, at_feed(steps, np.array([0.24, 0.1, 0.33, 0.21]), np.full(4, 2 * MM)))
