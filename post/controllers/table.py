@@ -387,6 +387,7 @@ class Controller(_Table):
         return Rule(
             corner=self.time.corner,
             paths=tuple(path for path in paths if path),
+            digits=tuple(self.resolution(joint) for joint in joints),
             rotary=frozenset(index for axis, index in pairs if axis.unit == "deg"),
             outputs=frozenset(index for axis, index in pairs if axis.word),
             switching=self.time.switching,

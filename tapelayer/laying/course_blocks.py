@@ -19,7 +19,7 @@ from tapelayer.machines import gantry
 from tapelayer.machines.machine import Axis, Machine
 from tapelayer.motion.corners import Rule
 from tapelayer.motion.planned_blocks import PlannedBlocks, rapid_blocks
-from tapelayer.motion.stroke import Pass, Stroke, stroke_blocks
+from tapelayer.motion.stroke import Control, Pass, Stroke
 from tapelayer.motion.time_law import Limits, at_speed
 from tapelayer.motion.trajectory import Event
 from tapelayer.units import MM
@@ -83,10 +83,11 @@ class LayingTask:
         """Return the speed of the tape while the head is in the air, m/s."""
         return self.setup.process.thread_speed_mm_per_s * MM
 
-    @property
-    def rounding(self) -> float:
-        """Return how far the control may round off the block ends of a course, in metres."""
-        return self.rule.rounding(self.setup.process.tolerance_mm * MM)
+    @cached_property
+    def control(self) -> Control:
+        """Return the control, which may round off the block ends of a course within the process' tolerance."""
+        rounding = self.rule.rounding(self.setup.process.tolerance_mm * MM)
+        return Control(self.machine.names, self.limits, self.rule, rounding)
 
     @property
     def lift(self) -> float:
@@ -169,7 +170,7 @@ def course_blocks(task: LayingTask, course: int, driven: DrivenCourse, begin: Fl
         stroke = _fed(task, stroke, tape.changing[course], float(tape.roll_u[tape.rolls[course]]))
         stroke = task.switching(stroke, Event.STOP)
         # The control stops for as long as it takes: no word for what follows may come before the stop.
-        parts.append(stroke_blocks(stroke, stroke.times(task.limits)))
+        parts.append(task.control.blocks(stroke))
         stroke = Stroke.begun(parts[-1].joints[-1])
     threading = tape.threading[course]
     stroke = _fed(task, stroke, threading, float(tape.threaded[course]))
@@ -272,8 +273,7 @@ def _laid(
     stroke = stroke.to(task.lifted(stroke.end), at_speed(task.lift, task.lay_speed), length)
     if course == len(tape) - 1:
         stroke = _fed(task, stroke, np.array([tape.laying[-1, 1], len(tape.steps)]), float(stroke.end[task.u]))
-    times = stroke.times(task.limits)
-    return stroke_blocks(_heated(task, stroke, times, first, last), times, task.rounding)
+    return task.control.blocks(_heated(task, stroke, task.control.times(stroke), first, last))
 
 
 def _laying(task: LayingTask, course: int, joints: Floats, arcs: Floats, roller_down: float) -> Stroke:
@@ -364,7 +364,9 @@ def _passed(task: LayingTask, nodes: Floats, arcs: Floats, rows: Ints, places: F
     begins = places[switching & (steps.kinds[rows] == Step.DOWN)]
     inner = passed == Pass.ON
     passed[inner & np.isin(nodes, at)] = Pass.STOP
-    passed[inner & np.isin(nodes, begins)] = stop
+    # Where the tape rests for a sweep, the first node there is the one that it arrives at.
+    arriving = np.append(False, going) & ~np.append(going, False)
+    passed[(inner | arriving) & np.isin(nodes, begins)] = stop
     passed[-1] = stop
     return passed
 

@@ -19,8 +19,6 @@ from tapelayer.units import MM
 from tapelayer.verification.axis_use import FEED_DIGITS
 from tapelayer.verification.failures import Failure
 
-# Rounded feeds shift a word's effect against the motion by no more than this share of its delay.
-DELAY_DIGITS = 2e-5
 # Tolerance in seconds for switching the heater.
 HEATER_TIME = 1e-3
 # Two moments this close together, in seconds, may be one, because all times before them are rounded.
@@ -166,7 +164,7 @@ class _SequenceJudge:
 
     def gaps(self) -> Iterable[_Gap]:
         """Yield the gaps before, between and after the layings."""
-        trajectory, slack = self.trajectory, DELAY_DIGITS * self.delays.shoe * 1e-3
+        trajectory, slack = self.trajectory, CLOCK_DOUBT if self.delays.shoe else 0.0
         # The first move that states every axis has no known start.
         known = int(np.argmin(np.any(np.isnan(trajectory.positions), axis=1))) + 1
         ends, begins = [course.end + slack for course in self.courses], [c.begin + slack for c in self.courses]
@@ -216,7 +214,7 @@ class _SequenceJudge:
         first, last = np.searchsorted(self.samples.courses, [gap.behind, gap.behind + 1])
         # Distance of the roller over time: along the course, then beyond its end.
         beyond = np.linalg.norm(gap.centres - gap.centres[0], axis=1)
-        times = np.append(self.samples.times[first:last], gap.times)
+        times = self.trajectory.progress(np.append(self.samples.times[first:last], gap.times))
         path = np.append(self.samples.arc_lengths[first:last], self.samples.arc_lengths[last - 1] + beyond)
         following = self.courses[gap.behind + 1].begin if gap.behind + 1 < len(self.courses) else np.inf
         for event, name, place in (
@@ -229,7 +227,7 @@ class _SequenceJudge:
                 block = int(words[own[-1]]) if len(own) else gap.first
                 self.fail(gap.behind, f"auxiliary_roller_{name}_words", len(own), 1, block)
                 continue
-            at = float(np.interp(effects[own[0]], times, path))
+            at = float(np.interp(self.trajectory.progress(effects[own[:1]]), times, path)[0])
             if not abs(at - place) <= self.tape_off:
                 self.fail(gap.behind, f"auxiliary_roller_{name}_mm", at / MM, place / MM, int(words[own[0]]))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -87,7 +88,8 @@ def plan(
             f"{link_height / MM:g} mm, the edge of the rolled head is {(link_height - least_link) / MM:.3f} mm below "
             "the highest course point; lower the part with [part] l3_mm"
         )
-    return timed(blocks.trajectory(machine.names, indices), task.limits, rule)
+    written = replace(blocks, joints=rule.written(blocks.joints))
+    return timed(written.trajectory(machine.names, indices), task.limits, rule)
 
 
 def _least_link(driven: Sequence[DrivenCourse], setup: Setup, machine: Machine) -> float:

@@ -27,6 +27,7 @@ class Rule:
         corner: `none`: every axis reaches its speed at once; `stop`: a full stop at every block's end; `linuxcnc`: its
             trajectory planner; `look_ahead`: over any number of blocks, corners rounded within the tolerance.
         paths: groups of columns; the first that moves in a block sets its path, all columns where none does.
+        digits: last written digit of every column, metres and radians; empty where positions are not written.
         rotary: columns of rotary axes.
         outputs: columns that the control does not interpolate: they turn while all else stands still.
         switching: whether a switching word lets the motion go on, or stops it.
@@ -39,6 +40,7 @@ class Rule:
 
     corner: Corner = "none"
     paths: tuple[tuple[int, ...], ...] = ()
+    digits: tuple[float, ...] = ()
     rotary: frozenset[int] = frozenset()
     outputs: frozenset[int] = frozenset()
     switching: Literal["on_the_fly", "stops"] = "on_the_fly"
@@ -59,6 +61,14 @@ class Rule:
         A chord that is balanced about its curve leaves corners of twice that to round off.
         """
         return 2.0 * allowed if self.stated else self.tolerance
+
+    def written(self, positions: Floats) -> Floats:
+        """Return positions (n, k) in metres and radians as the control reads them, to its last written digits."""
+        if not self.digits:
+            return positions
+        digits = np.array(self.digits)
+        rounded: Floats = np.round(positions / digits) * digits
+        return rounded
 
     @property
     def ramp_share(self) -> float:

@@ -10,10 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tapelayer.arrays import Floats, Frozen, Ints
+from tapelayer.motion.clock import Clock
+from tapelayer.motion.corners import Rule
 from tapelayer.motion.planned_blocks import PlannedBlocks
-from tapelayer.motion.time_law import Limits, feeds
+from tapelayer.motion.time_law import Limits, clock_of, feeds
 from tapelayer.motion.trajectory import ON_THE_FLY, Event, Kind
 
+# Words are placed this often, or until they move by no more than this, in seconds.
+PLACINGS, SETTLED = 30, 1e-7
+# From a stop a way grows with the square of its time, at speed with the time itself.
+POWERS = (0.3, 3.0)
 # Times no farther apart than this, in seconds, share a block boundary: shorter blocks have no exact speed.
 SAME_TIME = 1e-7
 
@@ -107,7 +113,95 @@ class Stroke(Frozen):
         return np.append(0.0, np.cumsum(feeds(np.diff(self.joints, axis=0), limits, self.least[1:])))
 
 
-def stroke_blocks(stroke: Stroke, times: Floats, tolerance: float = 0.0) -> PlannedBlocks:
+@dataclass(frozen=True, eq=False)
+class Control(Frozen):
+    """The control that carries out a stroke.
+
+    Attributes:
+        axes: names of the joints.
+        limits: of these.
+        rule: how the control turns blocks into motion.
+        tolerance: metres by which it may round off the nodes that it passes without a stop.
+    """
+
+    axes: tuple[str, ...]
+    limits: Limits
+    rule: Rule
+    tolerance: float = 0.0
+
+    def clock(self, stroke: Stroke, blocks: PlannedBlocks) -> tuple[Clock, Floats]:
+        """Return the clock of a stroke's blocks, and the seconds (n + 1,) that words ask for up to their ends."""
+        trajectory = blocks.trajectory(self.axes, np.zeros(len(blocks), np.int64))
+        start, positions = self.rule.written(stroke.joints[:1])[0], self.rule.written(trajectory.positions)
+        trajectory = replace(trajectory, start=start, positions=positions)
+        return clock_of(trajectory, self.limits, self.rule), np.append(0.0, np.cumsum(blocks.durations))
+
+    def times(self, stroke: Stroke) -> Floats:
+        """Return the seconds (m,) at a stroke's nodes on the control, its words at their nodes."""
+        asked = stroke.times(self.limits)
+        words = tuple(word._replace(delay=0.0) for word in stroke.words)
+        clock, until = self.clock(stroke, stroke_blocks(replace(stroke, words=words), asked, self.tolerance))
+        return _taken(clock, until, asked)
+
+    def blocks(self, stroke: Stroke) -> PlannedBlocks:
+        """Return the blocks of a stroke, with every word its delay ahead of its node on the control.
+
+        A word splits a block, and a split block takes another time: the words are placed again until they stay. Where
+        the last digits of a split make the control stop, they never do; the nearest placing is kept.
+        """
+        asked = stroke.times(self.limits)
+        words = sorted(stroke.words, key=lambda word: word.node)
+        delays = np.array([word.delay for word in words])
+        at = asked[[word.node for word in words]]
+        early = delays > 0.0
+        # Seconds of the words' own time by which each word is ahead of its node, and how these grow with the delay.
+        ahead, powers = delays.copy(), np.ones(len(words))
+        best = stroke_blocks(stroke, asked, self.tolerance, at - ahead)
+        least = np.inf
+        tried: tuple[Floats, Floats] | None = None
+        for _ in range(PLACINGS if np.any(early) else 0):
+            blocks = stroke_blocks(stroke, asked, self.tolerance, at - ahead)
+            clock, until = self.clock(stroke, blocks)
+            # Blocks before the stroke's first node are waits for words that precede it.
+            began = max(float(np.max(ahead - at)), 0.0)
+            said = np.empty(len(words))
+            said[np.argsort(at - ahead, kind="stable")] = clock.ends[1:][blocks.kinds == Kind.SWITCH]
+            taken = _taken(clock, until, at + began) - said
+            astray = float(np.max(np.abs(taken - delays)[early]))
+            if astray < least:
+                best, least = blocks, astray
+            if least <= SETTLED:
+                break
+            logs = np.log(ahead[early]), np.log(np.maximum(taken[early], SAME_TIME))
+            if tried is not None:
+                steps = logs[0] - tried[0], logs[1] - tried[1]
+                known = np.abs(steps[1]) > SAME_TIME
+                slopes = np.divide(steps[0], steps[1], out=powers[early], where=known)
+                powers[early] = np.clip(slopes, *POWERS)
+            tried = logs
+            ahead[early] *= np.exp(powers[early] * (np.log(delays[early]) - logs[1]))
+        return best
+
+
+def _taken(clock: Clock, until: Floats, asked: Floats) -> Floats:
+    """Return the seconds (w,) on the control at which words would have taken (w,) seconds.
+
+    Args:
+        clock: of n blocks.
+        until: (n + 1,) seconds that words ask for up to the blocks' ends.
+        asked: (w,) seconds.
+    """
+    return clock.times(*_shares(until, asked))
+
+
+def _shares(until: Floats, asked: Floats) -> tuple[Ints, Floats]:
+    """Return the block (w,) in which words have taken (w,) seconds, and the share (w,) of it; arguments as above."""
+    block = np.clip(np.searchsorted(until, asked, side="left") - 1, 0, len(until) - 2)
+    spans = until[block + 1] - until[block]
+    return block, np.clip((asked - until[block]) / np.where(spans > 0.0, spans, 1.0), 0.0, 1.0)
+
+
+def stroke_blocks(stroke: Stroke, times: Floats, tolerance: float = 0.0, placed: Floats | None = None) -> PlannedBlocks:
     """Return the blocks after a stroke's first node, with a block boundary at every word.
 
     A word that must precede the stroke's beginning makes the head wait there.
@@ -116,10 +210,11 @@ def stroke_blocks(stroke: Stroke, times: Floats, tolerance: float = 0.0) -> Plan
         stroke: the stroke.
         times: (m,) seconds at its nodes.
         tolerance: metres by which the control may round off the nodes that it passes without a stop.
+        placed: (w,) seconds of the words by rising node; without them each is its delay ahead of its node.
     """
     nodes = np.column_stack([stroke.joints, stroke.passed, stroke.arcs])
     words = sorted(stroke.words, key=lambda word: word.node)
-    at = np.array([times[node] - delay for node, delay, _ in words])
+    at = np.array([times[node] - delay for node, delay, _ in words]) if placed is None else placed
     # Nodes at the same time are merged, with the words of both; so are words at the same time.
     kept = np.append(np.diff(times) > SAME_TIME, True)
     start, times, nodes = nodes[:1], times[kept], nodes[kept]
@@ -135,8 +230,8 @@ def stroke_blocks(stroke: Stroke, times: Floats, tolerance: float = 0.0) -> Plan
         after = np.searchsorted(times, new)
         share = (new - times[after - 1]) / (times[after] - times[after - 1])
         between = nodes[after - 1] + share[:, None] * (nodes[after] - nodes[after - 1])
-        # A block that is split goes on over the new boundary if it goes on at either of its ends.
-        between[:, -2] = np.where(np.maximum(nodes[after - 1, -2], nodes[after, -2]) > Pass.STOP, Pass.ON, Pass.STOP)
+        # A block that is split goes on over the new boundary, where the control can.
+        between[:, -2] = Pass.ON
         times, nodes = np.insert(times, after, new), np.insert(nodes, after, between, axis=0)
     # Blocks are ordered by the node that ends them, and every word follows the block that ends at its time; stable
     # sorts keep the nominal order of words at the same time.

@@ -160,6 +160,12 @@ class Trajectory(Frozen):
         left = (self.times[blocks] - times) / np.where(spent > 0.0, spent, 1.0)
         return np.clip(1.0 - left, 0.0, 1.0)
 
+    def progress(self, times: Floats) -> Floats:
+        """Return how many blocks (m,), parts of blocks included, are done at times (m,) in seconds."""
+        blocks = np.minimum(np.searchsorted(self.times, times, side="left"), len(self) - 1)
+        done: Floats = blocks + self.fractions(blocks, times)
+        return done
+
     def paces(self, blocks: Ints, times: Floats) -> Floats:
         """Return the share of blocks (m,) that the control covers a second at times (m,) in seconds.
 

@@ -132,7 +132,7 @@ def spray(
     )
     trajectory = _trajectory(gun, [each for each in sprayed if each.pieces])
     return Spraying(
-        trajectory=timed(trajectory, gun.limits, rule),
+        trajectory=timed(replace(trajectory, positions=rule.written(trajectory.positions)), gun.limits, rule),
         pieces=tuple(piece for each in sprayed for piece in each.pieces),
         splits=tuple(splits),
         slowdowns=tuple(slow for each in sprayed if (slow := _slowest(gun, each))),
