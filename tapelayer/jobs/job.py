@@ -211,7 +211,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         plan, trajectory = self.planned(steps)
         judge = self.inspector(plan)
         steps.begin(VERIFYING_PLAN.name, self.parts)
-        evidence, text = judge.judge(trajectory, tick=steps.tick), b""
+        evidence, text = judge.judge(trajectory, self.resolution, steps.tick), b""
         if evidence.passed:
             steps.begin(WRITING.name)
             text = self.text(Verified(trajectory, evidence))
@@ -248,7 +248,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
             TapelayerError: the job cannot be done on this machine, or the plan failed verification.
         """
         plan, trajectory = self.planned(_Ticks(tick))
-        return self.inspector(plan).verify(trajectory, tick=tick)
+        return self.inspector(plan).verify(trajectory, self.resolution, tick)
 
     def text(self, planned: Verified[Evidence]) -> bytes:
         """Return the NC text of a verified trajectory."""

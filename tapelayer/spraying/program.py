@@ -113,7 +113,7 @@ def spray(
         arcs = path.arc_lengths[followed.points]
         ends = np.append(followed.starts[1:], len(joints))
         pieces = [
-            laid_out(Piece(index, arcs[first:last], joints[first:last]), setup)
+            laid_out(Piece(index, arcs[first:last], joints[first:last]), setup, machine)
             for first, last in zip(followed.starts.tolist(), ends.tolist(), strict=True)
         ]
         for reason, piece in zip(followed.reasons, pieces[1:], strict=True):
@@ -280,11 +280,14 @@ def _trajectory(gun: Gun, sprayed: Sequence[SprayedPass]) -> Trajectory:
     return PlannedBlocks.joined([blocks for _, blocks in parts]).trajectory(AXES, passes)
 
 
-def laid_out(piece: Piece, setup: SpraySetup) -> Piece:
+def laid_out(piece: Piece, setup: SpraySetup, machine: Machine) -> Piece:
     """Return a piece with few nodes, straight from node to node, within the tolerances of P and of the gun's direction.
 
-    As on a course, P stands off its path at a node by as much as midway between two, on the other side.
+    As on a course, P stands off its path at a node by as much as midway between two, on the other side, as far as the
+    travel goes.
     """
+    slides = [machine.axis(name) for name in AXES[:3]]
+    travel = np.array([axis.lower for axis in slides]), np.array([axis.upper for axis in slides])
     spray, arcs = setup.spray, piece.arc_lengths
     if len(arcs) < 3 or not arcs[-1] > arcs[0]:
         return piece
@@ -295,7 +298,7 @@ def laid_out(piece: Piece, setup: SpraySetup) -> Piece:
     turn = setup.verification.max_theta_step_deg * DEG
 
     def excess(ends: Floats) -> Floats:
-        nodes = _nodes(arcs, dense, ends)
+        nodes = _nodes(arcs, dense, ends, travel)
         straight = _between(arcs, ends, nodes)
         off = np.linalg.norm(straight[:, :3] - dense[:, :3], axis=1) / limits[0]
         # The excess is to grow with the square of a block's length: the direction lags with the length itself.
@@ -309,14 +312,21 @@ def laid_out(piece: Piece, setup: SpraySetup) -> Piece:
     layout = even_blocks(arcs, np.zeros(len(arcs) - 1), arcs[[0, -1]], excess)
     if layout.faulty is not None:
         return Piece(piece.index, arcs, dense)
-    return Piece(piece.index, layout.ends, _nodes(arcs, dense, layout.ends))
+    return Piece(piece.index, layout.ends, _nodes(arcs, dense, layout.ends, travel))
 
 
-def _nodes(arcs: Floats, dense: Floats, ends: Floats) -> Floats:
-    """Return the joint values (m, 5) at block ends (m,) of a path (n, 5) over arc lengths (n,), P balanced about it."""
+def _nodes(arcs: Floats, dense: Floats, ends: Floats, travel: tuple[Floats, Floats]) -> Floats:
+    """Return the joint values (m, 5) at block ends (m,) of a path (n, 5), P balanced about it within its travel.
+
+    Args:
+        arcs: (n,) metres along the path.
+        dense: (n, 5) joint values there.
+        ends: (m,) metres.
+        travel: lower and upper ends (3,) of the travel of x, y, z, metres.
+    """
     nodes, middles = _between(ends, arcs, dense), _between((ends[1:] + ends[:-1]) / 2.0, arcs, dense)
     sags = middles[:, :3] - (nodes[1:, :3] + nodes[:-1, :3]) / 2.0
-    nodes[1:-1, :3] += (sags[1:] + sags[:-1]) / 4.0
+    nodes[1:-1, :3] = np.clip(nodes[1:-1, :3] + (sags[1:] + sags[:-1]) / 4.0, *travel)
     return nodes
 
 
