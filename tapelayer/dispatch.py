@@ -15,6 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from tapelayer.errors import TapelayerError, escaped, printable
+from tapelayer.sentences import said
 
 if TYPE_CHECKING:
     import typer
@@ -101,9 +102,9 @@ def _readable(error: UnicodeError) -> tuple[str, int]:
 
 
 def _say(sentence: str) -> None:
-    """Write a sentence, or several with a line each, to stderr, if anyone can read it there."""
+    """Write a sentence, or several with a line each, to stderr in the user's language, if anyone can read it there."""
     with suppress(OSError):
-        sys.stderr.write("".join(f"{printable(line)}\n" for line in sentence.split("\n")))
+        sys.stderr.write("".join(f"{printable(line)}\n" for line in said(sentence).split("\n")))
 
 
 def _discard_stdout() -> None:

@@ -191,11 +191,12 @@ class Trajectory(Frozen):
             strict=True,
         ):
             turned = np.flatnonzero(off > 0.0)
-            values[turned] += off[turned, None] * (self.directions(after[turned]) - self.directions(before[turned]))
+            leaving = self.directions(before[turned], np.ones(len(turned)))
+            values[turned] += off[turned, None] * (self.directions(after[turned], np.zeros(len(turned))) - leaving)
         return values
 
-    def directions(self, blocks: Ints) -> Floats:
-        """Return the change (m, k) of every axis per unit of the path of blocks (m,) that move.
+    def directions(self, blocks: Ints, fractions: Floats) -> Floats:
+        """Return the change (m, k) of every axis per path unit at (m,) fractions of the way along moving blocks (m,).
 
         Raises:
             ValueError: the time law was not asked, so no path is known.
@@ -203,7 +204,7 @@ class Trajectory(Frozen):
         if self.clock is None:
             raise ValueError("a trajectory has paths only after the time law was asked")
         lengths = self.clock.reached[blocks + 1] - self.clock.reached[blocks]
-        directions: Floats = np.nan_to_num(self.positions[blocks] - self.begins(blocks)) / lengths[:, None]
+        directions: Floats = self.derivatives(blocks, fractions) / lengths[:, None]
         return directions
 
     def column(self, axis: str) -> int:
@@ -238,6 +239,37 @@ class Trajectory(Frozen):
             turned[along == 0.0] = begin[circular][rows[:, None], arcs.axes][along == 0.0]
             values[circular[:, None], arcs.axes] = turned
         return values
+
+    def derivatives(self, blocks: Ints, fractions: Floats) -> Floats:
+        """Return the change (m, k) of every axis per block at (m,) fractions of the way along blocks (m,).
+
+        An axis that nothing has stated before a block changes by 0 there.
+        """
+        changes: Floats = np.nan_to_num(self.positions[blocks] - self.begins(blocks))
+        circular = np.flatnonzero(np.isin(self.kinds[blocks], CIRCULAR))
+        if len(circular):
+            arcs, along = self.arcs(blocks[circular]), fractions[circular]
+            angles, widening = arcs.angles + along * arcs.sweeps, arcs.radii[1] - arcs.radii[0]
+            turning = (arcs.radii[0] + along * widening) * arcs.sweeps
+            outward, forward = np.array([np.cos(angles), np.sin(angles)]), np.array([-np.sin(angles), np.cos(angles)])
+            changes[circular[:, None], arcs.axes] = (widening * outward + turning * forward).T
+        return changes
+
+    def extremes(self, blocks: Ints) -> tuple[Floats, Floats]:
+        """Return the greatest change (m, k) of every axis per block of blocks (m,), and the greatest change of that.
+
+        The second is the turning of arcs, 0 elsewhere. Each axis of an arc's plane counts as if it took all of both
+        somewhere on the arc.
+        """
+        changes = np.abs(self.derivatives(blocks, np.zeros(len(blocks))))
+        bends = np.zeros_like(changes)
+        circular = np.flatnonzero(np.isin(self.kinds[blocks], CIRCULAR))
+        if len(circular):
+            arcs = self.arcs(blocks[circular])
+            turned = np.max(arcs.radii, axis=0) * np.abs(arcs.sweeps)
+            changes[circular[:, None], arcs.axes] = turned[:, None]
+            bends[circular[:, None], arcs.axes] = (turned * np.abs(arcs.sweeps))[:, None]
+        return changes, bends
 
     def arcs(self, blocks: Ints) -> Arcs:
         """Return the geometry of circular blocks (m,).

@@ -24,6 +24,9 @@ from tapelayer.units import DEG, MM
 # More faults than this are no slips: wording each takes time, so the rest are only counted.
 MOST_FAULTS = 100
 
+# Keys of the machine that came later than the hash of setups.
+RAMP_KEYS = {"accelerations_mm_per_s2", "accelerations_deg_per_s2", "jerks_mm_per_s3", "jerks_deg_per_s3"}
+
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
@@ -171,9 +174,10 @@ class JobSetup(Section):
             True
         """
         values = self.model_dump()
-        # A limit that is not set judges nothing: it does not enter, so that a new one leaves the hash of old setups.
-        limits = values.get("verification", {})
+        # What is not set changes nothing: it does not enter, so that a new key leaves the hash of old setups.
+        limits, machine = values.get("verification", {}), values["machine"]
         values["verification"] = {key: limit for key, limit in limits.items() if limit is not None}
+        values["machine"] = {key: value for key, value in machine.items() if value or key not in RAMP_KEYS}
         for (section, key), data in files.items():
             values[section][key] = hashlib.sha256(data).hexdigest()
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tapelayer.arrays import Floats, Ints
-from tapelayer.motion.trajectory import Kind, Trajectory
+from tapelayer.motion.trajectory import CIRCULAR, Kind, Trajectory
 from tapelayer.units import DEG, MM, json_number
 from tapelayer.verification.breach import Breach
 
@@ -149,19 +149,24 @@ def axes_used(
 
 
 def _accelerations(trajectory: Trajectory) -> tuple[Ints, Floats]:
-    """Return blocks (m,) in which the speed changes, and the largest acceleration (m, k) of each axis in each.
+    """Return blocks (m,) in which the velocity changes, and the largest acceleration (m, k) of each axis in each.
 
-    A block's ramps, and its blend into the next: there one brakes while the other starts.
+    A block's ramps and the turning of its arc, and its blend into the next: there one brakes while the other starts.
     """
     clock = trajectory.clock
     if clock is None:
         return np.zeros(0, np.int64), np.zeros((0, len(trajectory.axes)))
-    ramped = np.flatnonzero(clock.ramps > 0.0)
-    found = np.abs(trajectory.directions(ramped)) * clock.ramps[ramped, None]
+    turns = np.isin(trajectory.kinds, CIRCULAR) & (np.diff(clock.reached) > 0.0)
+    ramped = np.flatnonzero((clock.ramps > 0.0) | turns)
+    lengths = (clock.reached[ramped + 1] - clock.reached[ramped])[:, None]
+    changes, bends = trajectory.extremes(ramped)
+    ramps, peaks = clock.ramps[ramped, None], clock.peaks[ramped, None]
+    found = np.hypot(changes / lengths * ramps, bends * (peaks / lengths) ** 2)
     if clock.blends is None:
         return ramped, found
     blends = clock.blends
     joined = np.flatnonzero(blends.overlaps > 0.0)
-    following = trajectory.directions(blends.following[joined]) * blends.starting[joined, None]
-    over = np.abs(following - trajectory.directions(joined) * blends.braking[joined, None])
+    following = trajectory.directions(blends.following[joined], np.zeros(len(joined))) * blends.starting[joined, None]
+    braking = trajectory.directions(joined, np.ones(len(joined))) * blends.braking[joined, None]
+    over = np.abs(following - braking)
     return np.append(ramped, joined), np.vstack([found, over])

@@ -33,6 +33,6 @@ def by_yourdfpy(path: str) -> yourdfpy.URDF:
 
 
 def limited(setup: Setup | SpraySetup) -> Machine:
-    """The machine of a setup's kind with the travel and speeds of the setup."""
-    machine = sprayer() if isinstance(setup, SpraySetup) else tape_layer()
-    return machine.with_limits(setup.machine.travel(), setup.machine.speeds())
+    """The machine of a setup's kind with the limits of the setup."""
+    machine, stated = sprayer() if isinstance(setup, SpraySetup) else tape_layer(), setup.machine
+    return machine.with_limits(stated.travel(), stated.speeds(), stated.accelerations(), stated.jerks())

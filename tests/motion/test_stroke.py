@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tapelayer.motion.planned_blocks import PlannedBlocks
-from tapelayer.motion.stroke import SAME_TIME, Stroke, Word, stroke_blocks
+from tapelayer.motion.stroke import SAME_TIME, Pass, Stroke, Word, stroke_blocks
 from tapelayer.motion.time_law import Limits
-from tapelayer.motion.trajectory import Event, Kind
+from tapelayer.motion.trajectory import ON_THE_FLY, Event, Kind
 
 LIMITS = Limits.speeds(np.array([0.5, 2.0]))
 EVENTS = st.sampled_from([event for event in Event if event != Event.NONE])
@@ -25,14 +25,16 @@ DELAYS = st.sampled_from([0.0, 0.25, 0.5, 1.0]) | st.floats(0.0, 20.0)
 class Case:
     nodes: np.ndarray
     least: np.ndarray
+    passed: np.ndarray
     words: list[tuple[int, float, Event]]
 
     @property
     def stroke(self) -> Stroke:
-        first = Stroke(self.nodes[:3], self.least[:3], np.arange(3.0)[: len(self.nodes)])
+        first = Stroke(self.nodes[:3], self.least[:3], np.arange(3.0)[: len(self.nodes)], self.passed[:3])
         stroke = Stroke.begun(self.nodes[0]).then(first)
         for node in range(3, len(self.nodes)):
             stroke = stroke.to(self.nodes[node], self.least[node], float(node))
+        stroke = replace(stroke, passed=self.passed)
         for node, delay, event in self.words:
             stroke = stroke.switching(event, delay, node)
         return stroke
@@ -46,7 +48,8 @@ def cases(draw: st.DrawFn) -> Case:
         nodes.append(draw(st.just(nodes[-1]) | st.tuples(NUMBERS, NUMBERS).map(list)))
     least = [draw(st.sampled_from([0.0, 0.0, 0.5, 3.0])) for _ in range(count)]
     words = draw(st.lists(st.tuples(st.integers(0, count - 1), DELAYS, EVENTS), max_size=8))
-    return Case(np.array(nodes), np.array(least), words)
+    passed = draw(st.lists(st.sampled_from(Pass), min_size=count, max_size=count))
+    return Case(np.array(nodes), np.array(least), np.array(passed, np.uint8), words)
 
 
 def node_times(case: Case) -> list[float]:
@@ -101,6 +104,34 @@ def test_rows_are_the_way_with_every_word_in_its_place(case: Case) -> None:
     assert np.array_equal(rows.kinds == Kind.LINEAR, moves)
     if len(rows.joints):
         assert rows.joints[-1].tolist() == pytest.approx(case.nodes[-1].tolist(), abs=1e-6)
+
+
+@settings(deadline=None, max_examples=500)
+@given(cases())
+def test_a_block_ends_as_the_node_there_is_passed(case: Case) -> None:
+    times = node_times(case)
+    said_at = [times[node] - delay for node, delay, _ in case.words]
+    assume(min_gap([*times, *said_at]) > 4 * SAME_TIME)
+    rows = stroke_blocks(case.stroke, np.array(times), 0.5)
+    wait = max([0.0, *(-at for at in said_at)])
+    wait = wait if wait > SAME_TIME else 0.0
+    for end, kind, tolerance in zip(np.cumsum(rows.durations), rows.kinds, rows.tolerances, strict=True):
+        passed = passed_at(case, times, end - wait)
+        if kind == Kind.SWITCH:
+            assert tolerance == (0.0 if passed == Pass.WAIT else ON_THE_FLY)
+        else:
+            spoken = any(abs(at - (end - wait)) < 2 * SAME_TIME for at in said_at)
+            assert tolerance == (0.5 if passed == Pass.ON or (passed == Pass.WAIT and spoken) else 0.0)
+
+
+def passed_at(case: Case, times: list[float], time: float) -> int:
+    """How the stroke passes a time: as its last node there, or on between two."""
+    # Nodes at the same time are one, passed as the last of them; a stroke begins, and waits, as its first node says.
+    passed = {round(at / SAME_TIME): int(how) for at, how in zip(times, case.passed, strict=True)}
+    first = min([0.0, *(times[node] - delay for node, delay, _ in case.words)])
+    passed |= {round(at / SAME_TIME): int(case.passed[0]) for at in (0.0, first)}
+    there = [how for at, how in passed.items() if abs(at * SAME_TIME - time) < 2 * SAME_TIME]
+    return there[0] if there else Pass.ON
 
 
 def min_gap(values: list[float]) -> float:

@@ -242,7 +242,7 @@ def test_written_arcs_read_back_onto_the_circle(
     trajectory = laid(points, u, times)
     controller = load(control)
     text = write(SimpleNamespace(trajectory=trajectory), controller, Provenance("a", "b", "c", "d"))  # type: ignore[arg-type]
-    path = read(text, controller, TEN_AXES, Limits.speeds(np.ones(len(TEN_AXES))), "p.nc").trajectory
+    path = read(text, controller, TEN_AXES, Limits.speeds(np.full(len(TEN_AXES), 10.0)), "p.nc").trajectory
     word = controller.codes.clockwise if clockwise else controller.codes.counterclockwise
     arc = np.flatnonzero(np.isin(path.kinds, (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     assert 1 <= len(arc) <= 2 and f"{controller.codes.planes[plane]} {word} ".encode() in text
@@ -268,7 +268,7 @@ def test_golden_arc() -> None:
     text = write(SimpleNamespace(trajectory=trajectory), load("jb3208"), Provenance("a", "b", "c", "d"))  # type: ignore[arg-type]
     begin, end = np.round(points[0], 3), np.round(points[-1], 3)
     # The arc's own centre is the one through its rounded ends.
-    block = f"N30 G18 G03 X{end[0]:.3f} Z{end[2]:.3f} U200.000 I{10 - begin[0]:.3f} K{29.999 - begin[2]:.3f} F3000.00"
+    block = f"N40 G18 G03 X{end[0]:.3f} Z{end[2]:.3f} U200.000 I{10 - begin[0]:.3f} K{29.999 - begin[2]:.3f} F3000.00"
     assert re.sub(r"F\d+\.\d+", "F3000.00", text.decode("ascii").splitlines()[-3]) == block
 
 
@@ -286,9 +286,13 @@ def test_a_course_round_a_cylinder_becomes_a_few_arcs_with_the_same_verified_err
     planned = job.plan()
     text = job.text(planned)
     read_back = job.read_back(text, "p.nc").trajectory
-    assert np.sum(read_back.kinds == Kind.CLOCKWISE) == 4
+    # One arc before the roller comes down, one to the cut, and one behind it.
+    assert np.sum(read_back.kinds == Kind.CLOCKWISE) == 3
     assert len(read_back) < len(planned.trajectory) / 2
     back = job.verify(read_back)
     errors = [np.abs(evidence.samples.position_errors).max() for evidence in (planned.evidence, back.evidence)]
-    assert errors[1] < errors[0] + 2e-6
-    assert back.trajectory.duration == pytest.approx(planned.trajectory.duration, rel=1e-5)
+    assert errors[1] < errors[0] + job.controller.arcs.tolerance_mm * 1e-3
+    asked = [float(np.sum(found.trajectory.requested)) for found in (planned, back)]
+    assert asked[1] == pytest.approx(asked[0], rel=1e-5)
+    # Corners between chords are passed a little slower than an arc.
+    assert back.trajectory.duration == pytest.approx(planned.trajectory.duration, rel=2e-3)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -107,8 +108,9 @@ def test_first_motion_is_z_alone_and_then_all_axes_stand_in_word_order() -> None
     assert lines == [
         "(course 1 of 1)",
         "N10 G90",
-        "N20 G00 Z10.000",
-        "N30 X100.000 Y0.000 Z10.000 A0.000 C-30.000 U12.500 V0.000 Q0.000 D0.000 E0.000",
+        "N20 G61",
+        "N30 G00 Z10.000",
+        "N40 X100.000 Y0.000 Z10.000 A0.000 C-30.000 U12.500 V0.000 Q0.000 D0.000 E0.000",
     ]
 
 
@@ -117,29 +119,29 @@ def test_motion_before_the_first_course_has_absolute_mode_stated_too() -> None:
     assert [line for line in body(blocks).splitlines() if "G90" in line or line[0] == "("] == [
         "N10 G90",
         "(course 1 of 1)",
-        "N40 G90",
+        "N50 G90",
     ]
 
 
 def test_words_stand_where_their_text_changes() -> None:
     moves = [(Kind.LINEAR, 0, 1.0, {"x": 100.0004}), (Kind.LINEAR, 0, 1.0, {"x": 100.0006, "y": 1.0})]
-    assert body([*LINK, *moves]).splitlines()[4:] == ["N40 G04 P1.000000", "N50 G01 X100.001 Y1.000 F60.0000"]
+    assert body([*LINK, *moves]).splitlines()[5:] == ["N50 G04 P1.000000", "N60 G01 X100.001 Y1.000 F60.0000"]
 
 
 def test_a_block_without_words_is_a_dwell_or_gives_its_time_to_the_next() -> None:
     tiny = (Kind.LINEAR, 0, 0.0004, {})
     move = (Kind.LINEAR, 0, 0.9992, {"x": 101})
-    assert body([*LINK, tiny, tiny, move]).splitlines()[4:] == ["N40 G01 X101.000 F60.0000"]
+    assert body([*LINK, tiny, tiny, move]).splitlines()[5:] == ["N50 G01 X101.000 F60.0000"]
     stop = (Kind.SWITCH, 0, 0.0, Event.SHOE_DOWN)
-    assert body([*LINK, tiny, tiny, stop, tiny]).splitlines()[4:] == [
-        "N40 G04 P0.000800",
-        "N50 M20",
-        "N60 G04 P0.000400",
+    assert body([*LINK, tiny, tiny, stop, tiny]).splitlines()[5:] == [
+        "N50 G04 P0.000800",
+        "N60 M20",
+        "N70 G04 P0.000400",
     ]
-    assert body([*LINK, (Kind.LINEAR, 0, 2.0, {}), move]).splitlines()[4] == "N40 G04 P2.000000"
+    assert body([*LINK, (Kind.LINEAR, 0, 2.0, {}), move]).splitlines()[5] == "N50 G04 P2.000000"
     tenths = changed_table(('dwell_address = "P"', 'dwell_address = "P"\ndwell_decimals = 1'))
     blocks = [*LINK, (Kind.LINEAR, 0, 0.04, {}), (Kind.LINEAR, 0, 0.96, {"x": 101}), (Kind.LINEAR, 0, 0.06, {})]
-    assert body(blocks, tenths).splitlines()[4:] == ["N40 G01 X101.000 F60.0000", "N50 G04 P0.1"]
+    assert body(blocks, tenths).splitlines()[5:] == ["N50 G01 X101.000 F60.0000", "N60 G04 P0.1"]
     assert body([*LINK, (Kind.RAPID, 0, 0.0, {}), (Kind.DWELL, 0, 0.0, {})]) == body(LINK)
 
 
@@ -149,12 +151,12 @@ def test_feed_follows_the_path_or_the_largest_change() -> None:
         (Kind.LINEAR, 0, 0.5, {"u": 100, "d": -12}),
         (Kind.LINEAR, 0, 6.0, {"d": 0, "u": 88}),
     ]
-    assert [line.split(" F")[1] for line in body([*LINK, *moves]).splitlines()[4:]] == ["600.000", "1440.00", "120.000"]
+    assert [line.split(" F")[1] for line in body([*LINK, *moves]).splitlines()[5:]] == ["600.000", "1440.00", "120.000"]
 
 
 def test_feed_is_computed_from_the_rounded_end_points() -> None:
     move = (Kind.LINEAR, 0, 60.0, {"x": 100.0016})
-    assert body([*LINK, move]).splitlines()[4:] == ["N40 G01 X100.002 F0.00200000"]
+    assert body([*LINK, move]).splitlines()[5:] == ["N50 G01 X100.002 F0.00200000"]
 
 
 @pytest.mark.parametrize("seconds", [1e-3, 0.37, 5.0, 59.99, 500.0])
@@ -169,13 +171,14 @@ def test_feed_has_six_significant_digits_and_no_exponent(seconds: float, length:
 
 def test_feed_is_modal_and_restated_at_a_course() -> None:
     moves = [(Kind.LINEAR, i // 2, 1.0, {"x": 101 + i}) for i in range(4)]
-    assert body([*LINK, *moves]).splitlines()[4:] == [
-        "N40 G01 X101.000 F60.0000",
-        "N50 X102.000",
+    assert body([*LINK, *moves]).splitlines()[5:] == [
+        "N50 G01 X101.000 F60.0000",
+        "N60 X102.000",
         "(course 2 of 2)",
-        "N60 G90",
-        "N70 G01 X103.000 F60.0000",
-        "N80 X104.000",
+        "N70 G90",
+        "N80 G61",
+        "N90 G01 X103.000 F60.0000",
+        "N100 X104.000",
     ]
 
 
@@ -185,6 +188,7 @@ def test_block_numbers_wrap_to_the_first() -> None:
     assert [line.split()[0] for line in body([*LINK, *moves], controller).splitlines()[1:]] == [
         *("N10", "N20", "N30"),
         *("N10", "N20", "N30"),
+        "N10",
     ]
 
 
@@ -198,10 +202,25 @@ def test_comment_text_cannot_become_words() -> None:
     source = "a) M22 (.txt\n%;\tü" + "x" * 300
     text = write(verified(LINK), load("jb3208"), Provenance(source, "0", "1", "2", ("b)\nM23",))).decode("ascii")
     lines = text.splitlines()
-    assert lines[2].startswith("(source: a_ M22 _.txt_____xxx") and lines[2].endswith("x)")
+    assert lines[2].startswith("(source: a_ M22 _.txt____uxxx") and lines[2].endswith("x)")
     assert max(map(len, lines)) == len(lines[2]) == load("jb3208").blocks.max_line
     assert "(note: b__M23)" in lines
     assert not re.search(r"(?m)^[^(]*M2[23]", text)
+
+
+@pytest.mark.parametrize(
+    ("source", "written"),
+    [
+        ("\u673a\u8eab\u8499\u76ae(3).txt", "JiShenMengPi_3_.txt"),
+        ("\u673a\u7ffc\u8499\u76ae\uff083\uff09.txt", "JiYiMengPi_3_.txt"),
+        ("Fl\u00fcgel \u00d8 50 %.txt", "Flugel O 50 _.txt"),
+        ("\u041a\u0440\u044b\u043b\u043e.txt", "Krylo.txt"),
+        ("\ue000\ufdd0.txt", "__.txt"),
+    ],
+)
+def test_names_in_other_scripts_are_written_in_ascii_letters(source: str, written: str) -> None:
+    text = write(verified(LINK), load("jb3208"), Provenance(source, "0", "1", "2")).decode("ascii")
+    assert f"\n(source: {written})\n" in text
 
 
 def test_comments_of_a_control_with_semicolons() -> None:
@@ -215,7 +234,8 @@ def test_many_pages_of_rows_have_every_course_comment_in_its_place() -> None:
     lines = body([*LINK, *moves]).splitlines()
     at = [i for i, line in enumerate(lines) if line[0] == "("]
     assert [lines[i] for i in at] == [f"(course {i} of 5)" for i in range(1, 6)]
-    assert [lines[i + 2].split()[1:] for i in at[1:]] == [
+    assert all(lines[i + 2].split()[1:] == ["G61"] for i in at)
+    assert [lines[i + 3].split()[1:] for i in at[1:]] == [
         ["G01", f"X{100 + (10_000 * i + 1) / 1000:.3f}", "F0.0600000"] for i in range(1, 5)
     ]
     numbers = [int(line.split()[0][1:]) for line in lines if line[0] == "N"]
@@ -231,7 +251,7 @@ def test_tape_axis_reset_at_each_course() -> None:
         (Kind.LINEAR, 1, 1.0, {"x": 0}),
     ]
     lines = [line.split(" ", 1)[1] for line in body(blocks, controller).splitlines() if line[0] == "N"]
-    assert lines[3:] == ["G01 U20.000 F450.000", "G90", "G92 U0", "G01 U5.000 F300.000", "X0.000 F6000.00"]
+    assert lines[4:] == ["G01 U20.000 F450.000", "G90", "G92 U0", "G61", "G01 U5.000 F300.000", "X0.000 F6000.00"]
 
 
 @pytest.mark.parametrize(
@@ -306,6 +326,7 @@ def test_an_axis_on_an_output_is_written_alone_with_a_dwell_for_its_time() -> No
         (Kind.RAPID, 1, 0.25, {"e": 7}, TEN_AXES),
     ]
     assert linuxcnc_body(blocks) == [
+        "G61",
         "G0 Z10.000",
         "M68 E0 Q5.000",
         "X100.000 Y0.000 Z10.000 A0.000 B0.000 C0.000 U0.000 V0.000 W0.000",
@@ -316,6 +337,7 @@ def test_an_axis_on_an_output_is_written_alone_with_a_dwell_for_its_time() -> No
         "G90 G93",
         "M68 E0 Q7.000",
         "G4 P0.250000",
+        "G61",
         "G0 X102.000 Y0.000 Z10.000 A0.000 B0.000 C0.000 U0.000 V0.000 W0.000",
     ]
 
@@ -326,6 +348,50 @@ def test_an_axis_on_an_output_cannot_move_with_others() -> None:
         write(verified(blocks), load("linuxcnc"), MADE_FROM)
 
 
+def blended(blocks: list[tuple[Any, ...]], tolerances: list[float]) -> Any:
+    """Blocks whose ends may be rounded off by tolerances in metres; 0 for a stop, inf for words on the fly."""
+    return SimpleNamespace(trajectory=replace(trajectory_of(blocks), tolerances=np.array(tolerances)))
+
+
+MODES = [
+    *LINUXCNC_LINK,
+    (Kind.LINEAR, 0, 0.5, {"x": 101}),
+    (Kind.SWITCH, 0, 0.0, Event.SHOE_DOWN),
+    (Kind.LINEAR, 0, 0.5, {"x": 102}),
+    (Kind.LINEAR, 0, 0.5, {"x": 103}),
+    (Kind.SWITCH, 0, 0.0, Event.HEATER_ON),
+    (Kind.LINEAR, 0, 0.5, {"x": 104}),
+    (Kind.LINEAR, 1, 0.5, {"x": 105}),
+]
+TOLERANCES = [0.0, 0.0, 4e-5, np.inf, 4e-5, 1.5e-4, 0.0, 0.0, 4e-5]
+
+
+@pytest.mark.parametrize(
+    ("name", "exact", "fine", "coarse", "flying", "waiting"),
+    [
+        ("linuxcnc", "G61", "G64 P0.04", "G64 P0.15", "M62 P0", "M64 P4"),
+        ("jb3208", "G61", "G64", "G64", "M20", "M27"),
+        ("sinumerik840d", "G60", "G642", "G642", "M20", "M27"),
+    ],
+)
+def test_the_way_to_pass_block_ends_is_stated_where_it_changes(
+    name: str, exact: str, fine: str, coarse: str, flying: str, waiting: str
+) -> None:
+    text = write(blended(MODES, TOLERANCES), load(name), MADE_FROM).decode("ascii")
+    modes, events = {exact, fine, coarse}, {flying, waiting}
+    found = []
+    for line in text.splitlines():
+        words = line.split(" ", 1)[-1]
+        motion = re.search(r"\bX10[1-5]\b", words)
+        if words in modes | events or motion:
+            found.append(motion[0] if motion else words)
+    assert found == [
+        *(exact, fine, "X101", flying, "X102"),
+        *([coarse] if coarse != fine else []),
+        *("X103", waiting, exact, "X104", fine, "X105"),
+    ]
+
+
 def test_axes_that_a_word_takes_ride_with_it() -> None:
     blocks = [
         (Kind.LINEAR, 0, 0.5, {"x": 101, "d": 3}),
@@ -333,6 +399,7 @@ def test_axes_that_a_word_takes_ride_with_it() -> None:
         (Kind.LINEAR, 0, 0.5, {"x": 102}),
     ]
     assert linuxcnc_body(blocks, "linuxcnc_remap") == [
+        "G61",
         "G0 Z10.000",
         "X100.000 Y0.000 Z10.000 A0.000 C0.000 U0.000 V0.000 Q0.000 D0.000 E5.000 M29",
         "G1 X101.000 D3.000 F120.000 M29",
@@ -361,7 +428,7 @@ def test_switching_words_that_no_motion_follows_switch_at_once() -> None:
         (Kind.RAPID, 0, 0.5, {"x": 103}),
         switch(Event.SHOE_UP),
     ]
-    assert linuxcnc_body(blocks)[3:] == [
+    assert linuxcnc_body(blocks)[4:] == [
         *("M62 P0", "M62 P4", "G1 X101.000 F120.000", "M65 P3", "M68 E0 Q-5.000", "G4 P0.250000", "M65 P4", "M0"),
         *("G0 X102.000", "M64 P2", "G4 P1.500000", "M63 P2", "X103.000", "M65 P0"),
     ]

@@ -35,6 +35,13 @@ def parsed(text: str | bytes, controller: Controller | None = None, axes: tuple[
     return read(data, controller or load("jb3208"), axes, limits, "p.nc")
 
 
+def boundless() -> Controller:
+    """The default control without the limits of its words."""
+    table = load("jb3208")
+    axes = tuple(axis.model_copy(update={"decimals": 99}) for axis in table.axes)
+    return table.model_copy(update={"axes": axes, "max_word": np.inf})
+
+
 def blocks(text: str, **kwargs: Any) -> Trajectory:
     """Blocks of a program that has stated all axes at zero before; that block is left out here."""
     whole = parsed(STATE + text + "\nM30\n", **kwargs).trajectory
@@ -74,9 +81,13 @@ def test_golden_program() -> None:
         0.106, 0.008, 0.05, np.deg2rad(-30.0), 0.0, 0.0225, 1e-6, np.deg2rad(-12.345), 0.0, 0.0,
     ]  # fmt: skip
     seconds = [0, 0, 0, 1.2, 0, 0, 0.5, 0.5, 0.25, 0.1, 0, 0, 0.08, 0, 0.212, 0.02, 0.5]
+    assert path.asked == pytest.approx(seconds, rel=1e-5)
+    # D cannot turn as fast as it is asked to.
+    seconds[9] = 12.345 / 90.0
     assert path.durations == pytest.approx(seconds, rel=1e-5)
     assert path.stated.tolist()[1:3] == [0b100, 0b1111111111]
-    assert path.lines.tolist()[:4] == [11, 12, 13, 14]
+    assert path.lines.tolist()[:4] == [11, 13, 14, 15]
+    assert path.tolerances.tolist() == [np.inf if kind == S else 0.0 for kind in path.kinds]
 
 
 @pytest.mark.parametrize(
@@ -97,7 +108,7 @@ def test_golden_program() -> None:
 def test_hand_written_words(line: str, x: float, y: float) -> None:
     if "G17" in line:
         line = line.replace("G17 ", "")
-    path = blocks(line)
+    path = blocks(line, controller=boundless())
     assert path.positions[0][:2].tolist() == [x / 1000, y / 1000]
     assert path.durations.tolist() == [np.hypot(5, 0.5)]
 
@@ -133,7 +144,7 @@ def test_numbers_are_those_of_python(cases: list[tuple[Decimal, int, str]]) -> N
         sign = "-" if number < 0 else ("+" if style == 3 else "")
         texts.append(sign + zeros + text)
     program = "".join(f"G00 X{text}\n" for text in texts) + "M30"
-    path = parsed(program).trajectory
+    path = parsed(program, boundless()).trajectory
     assert path.positions[:, 0].tolist() == [float(text) / 1e3 for text in texts]
 
 
@@ -141,7 +152,7 @@ def test_numbers_are_those_of_python(cases: list[tuple[Decimal, int, str]]) -> N
 def test_what_python_takes_for_no_number_is_refused(text: str) -> None:
     program = f"G00 X{text}\nM30"
     if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)", text):
-        assert parsed(program).trajectory.positions[0, 0] == float(text) / 1e3
+        assert parsed(program, boundless()).trajectory.positions[0, 0] == float(text) / 1e3
     else:
         assert refusals(program)[0] == f"p.nc:1:5: expected a number after X, got {text or 'nothing'}"
 
@@ -238,10 +249,10 @@ REFUSED = [
     ("G04 P-1", ["2:1: expected G04 P and the seconds, nothing else"]),
     ("G04 P1 X5", ["2:1: expected G04 P and the seconds, nothing else"]),
     ("G00 X5 P2", ["2:8: the P word has no meaning in this block; remove it"]),
-    ("G00 X1..5 Y--2 Z1e3", [
+    ("G00 X1..5 Y--2 Z1 e3", [
         "2:5: expected a number after X, got 1..5",
         "2:11: expected a number after Y, got --2",
-        "2:18: E is no word of controller three",
+        "2:19: E is no word of controller three",
     ]),
     ("N10 G00 X1-5 Y Z", [
         "2:9: expected a number after X, got 1-5",
@@ -285,6 +296,58 @@ def test_refused_as_a_whole() -> None:
     assert refusals("M30") == ["p.nc: the program has no blocks"]
     assert refusals("") == ["p.nc:1: the program does not end with M30; it may be cut off"]
     assert refusals(b"G00 X1\0\nM30") == ["p.nc: is a binary file, no NC program"]
+
+
+EXPONENT = "is a number with an exponent, which this control does not have; write"
+
+
+@pytest.mark.parametrize(
+    ("line", "place", "number"),
+    [
+        ("G00 X1 Y1.44E3", "2:8: Y1.44E3", "1440"),
+        ("G00 x1e3", "2:5: X1E3", "1000"),
+        ("G00 X-1.5E-2 Z1", "2:5: X-1.5E-2", "-0.015"),
+        ("N10 G00 X1.E+2", "2:9: X1.E+2", "100"),
+    ],
+)
+@pytest.mark.parametrize("controller", ["jb3208", "linuxcnc"])
+def test_a_number_with_an_exponent_is_one_sentence(line: str, place: str, number: str, controller: str) -> None:
+    table = load(controller)
+    axes = TEN_AXES if controller == "jb3208" else ("x", "y", "z")
+    (sentence,) = refusals(f"%\n{line}\nM30", controller=table, axes=axes)
+    assert sentence == f"p.nc:{place} {EXPONENT} {number}, or a blank before E where that is a word of its own"
+    (sentence,) = refusals(f"%\n{line}\n{line}\nG00 X1..2\n{line}\nM30", controller=table, axes=axes)
+    assert sentence.startswith(f"p.nc:{place}") and sentence.endswith("of its own; 2 more such words")
+
+
+@pytest.mark.parametrize("line", ["G01 X5 E3 F60", "G01X5E3F60", "G01 X5E3.0 F60", "G01 X5 (1E3) E3 F60"])
+def test_an_axis_e_is_no_exponent(line: str) -> None:
+    assert written(blocks(line), "e") == [3.0]
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("G01 X5 F60" + " " * 191, "2: the line has 201 characters, expected at most 200 of this control"),
+        ("(" + "c" * 199 + ")", "2: the line has 201 characters, expected at most 200 of this control"),
+        ("N9999991 G01 X5 F60", "2:1: block number 9999991, expected a whole number from 0 to 9999990"),
+        ("N1.5 G01 X5 F60", "2:1: block number 1.5, expected a whole number from 0 to 9999990"),
+        ("N-10 G01 X5 F60", "2:1: block number -10, expected a whole number from 0 to 9999990"),
+        ("N10 N10 G01 X5 F60", "2:5: a second N word in one block; write it in a block of its own"),
+        ("G01 X10000000 F60", "2:5: X10000000 is beyond the largest word of this control, 9999999.999"),
+        ("G01 U-9999999.9991 F60", "2:5: U-9999999.9991 is beyond the largest word of this control, 9999999.999"),
+        ("G01 X5.0000 F60", "2:5: X has 4 digits after the point, expected at most 3 of this control"),
+        ("G04 P0.1234567", "2:5: P has 7 digits after the point, expected at most 6 of this control"),
+    ],
+)
+def test_what_the_control_cannot_take_is_refused(line: str, sentence: str) -> None:
+    lines = refusals(STATE + line + "\nM30")
+    assert lines[0] == f"p.nc:{sentence}"
+
+
+def test_what_the_control_can_just_take_is_read() -> None:
+    at_most = ["G01 X9999999.999 F60" + " " * 180, "N9999990 G01 U-9999999.999", "N0 G04 P0.123456", "G01 X5.000"]
+    assert len(parsed(STATE + "\n".join(at_most) + "\nM30").trajectory) == 5
 
 
 def test_many_faults_are_counted() -> None:
@@ -399,12 +462,40 @@ def test_axes_that_a_word_takes_ride_with_a_motion_or_alone() -> None:
         ),
         ("linuxcnc", "M68 E1 Q5", "4:1: M68 is no word of controller linuxcnc"),
         ("linuxcnc", "M62 P9", "4:1: M62 is no word of controller linuxcnc"),
-        ("linuxcnc", "G64 P1", "4:5: the P word has no meaning in this block; remove it"),
+        ("linuxcnc", "G61 P1", "4:5: the P word has no meaning in this block; remove it"),
+        ("linuxcnc", "G64 P0", "4:5: expected a tolerance above 0"),
+        ("linuxcnc", "G61 G64", "4:5: a second exact stop or blending in one block; write it in a block of its own"),
+        ("jb3208", "G64 P1", "4:5: the P word has no meaning in this block; remove it"),
         ("linuxcnc", "G1 X1", "4:1: a feed motion without a feed word; give it one"),
     ],
 )
 def test_words_that_take_axes_are_checked(controller: str, block: str, expected: str) -> None:
     assert f"p.nc:{expected}" in refusals(LINUXCNC_STATE + block + "\nM2", controller=load(controller))
+
+
+@pytest.mark.parametrize(
+    ("controller", "text", "expected"),
+    [
+        ("linuxcnc", "G1 X1 F60\nG61 X2 F60\nX3 F60\nG64 P0.25 X4 F60\nX5 F60\nG64 X6 F60", "* 0 0 0.25 0.25 *"),
+        ("jb3208", "G1 X1 F60\nG64 X2\nX3\nG61 X4", "0 0.02 0.02 0"),
+        ("sinumerik840d", "G1 X1 F60\nG642 X2\nG60 X3", "0 0.02 0"),
+    ],
+)
+def test_a_block_s_end_is_rounded_off_as_the_words_say(controller: str, text: str, expected: str) -> None:
+    """In mm, by the control's own parameters where no word states it; * without a bound."""
+    rows = f"G0 X0\n{text}\nM30"
+    if controller == "linuxcnc":
+        rows = f"G93\n{rows}"
+    path = parsed(rows, load(controller), ("x",)).trajectory
+    bounds = [np.inf if word == "*" else float(word) * 1e-3 for word in expected.split()]
+    assert path.tolerances[1:] == pytest.approx(bounds)
+
+
+@pytest.mark.parametrize(("word", "waits"), [("M62 P4", False), ("M64 P4", True)])
+def test_a_word_at_rest_lets_the_control_finish_all_motion(word: str, waits: bool) -> None:
+    path = parsed(LINUXCNC_STATE + f"G1 X1 F60\n{word}\nX2 F60\nM2", load("linuxcnc")).trajectory
+    at = path.events.tolist().index(Event.HEATER_ON)
+    assert path.tolerances[at] == (0.0 if waits else np.inf)
 
 
 def test_an_output_must_be_stated_before_a_feed_motion() -> None:
@@ -499,7 +590,7 @@ def test_what_is_written_reads_back_as_the_rounded_trajectory(
     assert path.kinds[stated_in:].tolist() == list(kinds)
     assert path.events[stated_in:].tolist() == list(events)
     assert path.courses[stated_in:].tolist() == list(courses)
-    assert path.durations[stated_in:] == pytest.approx(np.array(seconds_), rel=1e-5, abs=1e-9)
+    assert path.requested[stated_in:] == pytest.approx(np.array(seconds_), rel=1e-5, abs=1e-9)
 
 
 SEEDS = {

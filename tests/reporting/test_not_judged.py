@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,11 +14,14 @@ from rich.console import Console
 from tapelayer.jobs.job import JobResult
 from tapelayer.jobs.kinds import KindName, kind_of
 from tapelayer.reporting.subject import Occasion
+from tapelayer.setups.sections import parse_setup
 from tapelayer.workbench.catalogue import list_quantities
-from tests.helpers.kinds import KINDS, job_of_kind, made
+from tests.helpers.kinds import KINDS, job_of_kind, made, source
 from tests.helpers.pages import Elements
+from urdf import SPRAYER, TAPELAYER
 
-NAMES = "collision, acceleration, the control's own time"
+NAMES = "collision"
+WITHOUT_ACCELERATIONS = "collision, acceleration, the control's own time"
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -30,7 +35,8 @@ def test_reports_name_what_is_not_judged(kind: KindName, damaged: bool) -> None:
         )
     report = found.report()
     assert report["passed"] is not damaged
-    assert report["not_judged"][:3] == NAMES.split(", ")
+    assert report["not_judged"][:1] == NAMES.split(", ")
+    assert not {"acceleration", "the control's own time"} & set(report["not_judged"])
     ((_, shown),) = Elements(found.page(Occasion("program.nc"))).of("span", "free")
     assert shown.startswith(f"not judged: {NAMES}")
     shown_there = io.StringIO()
@@ -42,6 +48,20 @@ def test_reports_name_what_is_not_judged(kind: KindName, damaged: bool) -> None:
 def test_the_program_s_header_names_what_is_not_judged(kind: KindName) -> None:
     assert job_of_kind(kind).provenance.not_judged == tuple(words.en for words in kind_of(kind).not_judged)
     assert f"not judged: {NAMES}".encode() in b"".join(made(kind).text.splitlines()[:14])
+
+
+@pytest.mark.parametrize(("kind", "urdf"), [("lay", TAPELAYER), ("spray", SPRAYER)])
+def test_a_machine_without_accelerations_has_more_that_is_not_judged(
+    kind: KindName, urdf: Path, tmp_path: Path
+) -> None:
+    own = tmp_path / "own.urdf"
+    text, count = re.subn(r' acceleration="[^"]*"', "", urdf.read_text(encoding="utf-8"))
+    assert count == len(job_of_kind(kind).axes)
+    own.write_text(text, encoding="utf-8")
+    setup = parse_setup(f'[machine]\nurdf = "{own}"\n'.encode(), "setup.toml", kind_of(kind).setup)
+    found = kind_of(kind).job(source(kind), "source.txt", setup).make("program.nc")
+    assert found.report()["not_judged"][:3] == WITHOUT_ACCELERATIONS.split(", ")
+    assert f"not judged: {WITHOUT_ACCELERATIONS}".encode() in b"".join(found.text.splitlines()[:14])
 
 
 def test_a_program_of_which_everything_is_judged_says_nothing() -> None:

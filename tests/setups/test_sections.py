@@ -130,9 +130,13 @@ def test_units_are_converted_once() -> None:
 def test_sha256_is_of_the_effective_values() -> None:
     written_out = parse_setup(whole_text(Setup(), TITLE).encode(), "s.toml", Setup)
     assert written_out.sha256(b"urdf") == Setup().sha256(b"urdf") != Setup().sha256(b"other")
-    # Limits that judge nothing where they are not set came later than this hash.
+    # Limits that judge nothing and ramps that are the URDF's where they are not set came later than this hash.
     assert Setup().sha256(b"urdf") == "ace51976338cc79d08240c3b6c53cca61d016b9da2d886159db975f019b58846"
     assert Setup().with_values("verification", min_speed_share=0.9).sha256(b"urdf") != Setup().sha256(b"urdf")
+    ramps = ("accelerations_mm_per_s2", "accelerations_deg_per_s2", "jerks_mm_per_s3", "jerks_deg_per_s3")
+    ramped = {Setup().with_values("machine", **{key: {"x": 100.0}}).sha256(b"urdf") for key in ramps}
+    assert len(ramped | {Setup().sha256(b"urdf")}) == 5
+    assert Setup().with_values("verification", max_stops_while_laying=0).sha256(b"urdf") != Setup().sha256(b"urdf")
     assert Setup().with_values("process", approach_mm=51).sha256(b"urdf") != Setup().sha256(b"urdf")
 
 

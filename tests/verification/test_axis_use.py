@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from tapelayer.machines.machine import Axis
+from tapelayer.motion.corners import Rule
+from tapelayer.motion.time_law import Limits, timed
 from tapelayer.motion.trajectory import Kind, Trajectory
 from tapelayer.verification.axis_use import FEED_DIGITS, AxisUse, axes_used
 from tapelayer.verification.breach import Breach
@@ -37,7 +39,24 @@ def test_travel_and_speed_are_those_of_the_way() -> None:
         "margin": pytest.approx(180.0 - math.degrees(0.5)),
         "max_speed": pytest.approx(math.degrees(0.6)),
         "speed_limit": pytest.approx(math.degrees(1.0)),
+        "max_acceleration": None,
+        "acceleration_limit": None,
     }
+
+
+def test_accelerations_are_those_of_the_ramps_on_the_control() -> None:
+    """Over 0.5 m in x and 0.25 rad in c, x leads with its 2 m/s2 and c follows with half of that."""
+    axes = Axis("x", False, -1.0, 2.0, 0.5, 2.0), Axis("c", True, -math.pi, math.pi, 1.0, 4.0)
+    rule = Rule("stop", paths=((0,),), rotary=frozenset({1}))
+    way = driven([[0.5, 0.25], [0.5, 1.25]], "xc", durations=(2.0, 4.0))
+    (x, c), breaches = axes_used(timed(way, Limits.of(axes), rule), axes, NONE, NONE)
+    assert breaches == []
+    assert (x.values()["max_acceleration"], x.values()["acceleration_limit"]) == pytest.approx((2e3, 2e3))
+    assert (c.top_acceleration, c.acceleration_limit) == pytest.approx((4.0, 4.0))
+    weaker = (axes[0], Axis("c", True, -math.pi, math.pi, 1.0, 3.5))
+    (breach,) = axes_used(timed(way, Limits.of(axes), rule), weaker, NONE, NONE)[1]
+    limit = pytest.approx(math.degrees(3.5))
+    assert breach == Breach(1, "axis_c_acceleration_deg_per_s2", pytest.approx(math.degrees(4.0)), limit)
 
 
 def test_an_end_of_travel_belongs_to_it() -> None:

@@ -13,7 +13,8 @@ from tests.helpers.by_hand import said
 
 
 def findings(*failures: Failure) -> Findings:
-    return Findings(blocks=1, duration=1.0, forward_disagreement=0.0, axes=(), limits={}, failures=failures)
+    time = {"duration": 1.0, "asked": 1.0, "time_law": "none"}
+    return Findings(blocks=1, **time, forward_disagreement=0.0, axes=(), limits={}, failures=failures)
 
 
 @pytest.mark.parametrize(
