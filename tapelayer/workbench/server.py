@@ -31,6 +31,7 @@ from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, Field
 from rich.console import Console
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -49,6 +50,7 @@ from tapelayer.workbench.access import (
     cookie,
     problem_response,
 )
+from tapelayer.workbench.connections import Connection
 from tapelayer.workbench.foreman import Foreman, Limits
 from tapelayer.workbench.problems import CODES, EVERYWHERE, Problem, problem_of, responses
 from tapelayer.workbench.store import Store
@@ -224,6 +226,7 @@ def answer_problems(app: FastAPI) -> None:
     app.add_exception_handler(TapelayerError, _refused)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(ClientDisconnect, _gone)
 
 
 async def health() -> Health:
@@ -286,24 +289,30 @@ def serve(settings: Settings, port: int, open_page: bool) -> None:
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))
     try:
         app = create_app(settings)
-        certificate, key = settings.certificate or (None, None)
-        config = uvicorn.Config(
-            app,
-            ssl_certfile=certificate,
-            ssl_keyfile=key,
-            ws="none",
-            log_config=None,
-            access_log=False,
-            server_header=False,
-            proxy_headers=False,
-            timeout_graceful_shutdown=GRACE_SECONDS,
-        )
+        config = configuration(app, settings.certificate)
         server = _Server(config, app.state.foreman, _address(settings, listening), open_page)
         server.run([listening])
     except KeyboardInterrupt:
         sys.exit(0)
     finally:
         listening.close()
+
+
+def configuration(app: FastAPI, certificate: tuple[Path, Path] | None) -> uvicorn.Config:
+    """Return uvicorn's configuration to serve the application, by TLS where there is a certificate."""
+    file, key = certificate or (None, None)
+    return uvicorn.Config(
+        app,
+        http=Connection,
+        ssl_certfile=file,
+        ssl_keyfile=key,
+        ws="none",
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        timeout_graceful_shutdown=GRACE_SECONDS,
+    )
 
 
 class _Server(uvicorn.Server):
@@ -379,6 +388,10 @@ async def _http(request: Request, error: Exception) -> Response:
         detail = f"{request_line}: this address allows {allowed}"
         return problem_response(Problem("method-not-allowed", detail, {"Allow": allowed}))
     return problem_response(Problem("invalid-request", f"{request_line}: {error.detail}"))
+
+
+async def _gone(request: Request, error: Exception) -> Response:
+    return problem_response(Problem("invalid-request", "the body ended before its announced end"))
 
 
 def _place(location: Sequence[str | int]) -> str:
