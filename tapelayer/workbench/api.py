@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
-import shutil
-from collections.abc import AsyncIterator, Awaitable, Mapping
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
@@ -30,9 +27,9 @@ from tapelayer.workbench.answers import (
     content,
     form,
 )
-from tapelayer.workbench.foreman import Foreman, Message
-from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
-from tapelayer.workbench.store import Record, Store, write_request
+from tapelayer.workbench.errands import foreman_of, staged, store_of, while_there
+from tapelayer.workbench.problems import EVERYWHERE, Problem, problem_of_body, responses
+from tapelayer.workbench.store import Record, write_request
 from tapelayer.workbench.submission import JOB_FIELDS, VERIFY_FIELDS, job_request, verify_request
 from tapelayer.workbench.uploads import receive
 
@@ -67,7 +64,7 @@ router = APIRouter(prefix="/api/v1", tags=["jobs"], responses=responses(*EVERYWH
 
 def job_of_path(id: str, request: Request) -> Record:
     """Return the job that the path names."""
-    return _store(request).get(id)
+    return store_of(request).get(id)
 
 
 JobOfPath = Annotated[Record, Depends(job_of_path)]
@@ -92,9 +89,9 @@ OwnJob = Annotated[Record, Depends(own_job)]
 )
 async def submit(request: Request, response: Response) -> Job:
     """Submit a job; a file that cannot be read fails inside the job."""
-    store, foreman = _store(request), _foreman(request)
+    store, foreman = store_of(request), foreman_of(request)
     foreman.check_room()
-    async with _staged(store) as folder:
+    async with staged(store) as folder:
         sent = await receive(request, folder, JOB_FIELDS)
         order = await run_in_threadpool(job_request, sent, folder)
         record = await run_in_threadpool(store.create, request.state.owner, order, folder)
@@ -113,7 +110,7 @@ async def submit(request: Request, response: Response) -> Job:
 @router.get("/jobs", response_model_exclude_unset=True)
 def jobs(request: Request) -> Jobs:
     """List the caller's own jobs."""
-    return Jobs(jobs=[_job(record, request) for record in _store(request).of_owner(request.state.owner)])
+    return Jobs(jobs=[_job(record, request) for record in store_of(request).of_owner(request.state.owner)])
 
 
 @router.get("/jobs/{id}", response_model_exclude_unset=True, responses=responses("not-found"))
@@ -125,8 +122,8 @@ def job(record: JobOfPath, request: Request) -> Job:
 @router.delete("/jobs/{id}", status_code=204, responses=responses("not-found", "not-owner"))
 async def delete(record: OwnJob, request: Request) -> None:
     """Remove a job with its files; one that is under way is cancelled first."""
-    await _foreman(request).cancel(record.id)
-    await run_in_threadpool(_store(request).delete, record.id)
+    await foreman_of(request).cancel(record.id)
+    await run_in_threadpool(store_of(request).delete, record.id)
 
 
 @router.post(
@@ -137,14 +134,14 @@ async def delete(record: OwnJob, request: Request) -> None:
 )
 async def cancel(record: OwnJob, request: Request) -> Job:
     """Cancel a job that waits or runs; one that has ended stays as it is."""
-    return _job(await _foreman(request).cancel(record.id), request)
+    return _job(await foreman_of(request).cancel(record.id), request)
 
 
 @router.get("/jobs/{id}/events", response_class=EventSourceResponse, responses=responses("not-found"))
 async def events(record: JobOfPath, request: Request) -> AsyncIterator[ServerSentEvent]:
     """Follow a job: `state` with the whole job at once and when its state changes, `progress`, at last `done`."""
     state = ""
-    async for now in _foreman(request).watch(record.id):
+    async for now in foreman_of(request).watch(record.id):
         if now.ended and state:
             yield _event("done", _job(now, request))
         elif now.state != state:
@@ -177,14 +174,14 @@ def program(record: JobOfPath, request: Request) -> FileResponse:
 )
 def setup(record: JobOfPath, request: Request) -> FileResponse:
     """Download the job's setup: the values that it was given, the controller among them."""
-    return JobFile(_store(request).folder(record.id) / "setup.toml", media_type="application/toml")
+    return JobFile(store_of(request).folder(record.id) / "setup.toml", media_type="application/toml")
 
 
 @router.get("/jobs/{id}/limits", responses=responses("not-found"))
 def limits(record: JobOfPath, request: Request) -> Limits:
     """Show the limits that the job's setup sets, and which of them are judged."""
     kind = kind_of(cast(KindName, record.kind))
-    data = (_store(request).folder(record.id) / "setup.toml").read_bytes()
+    data = (store_of(request).folder(record.id) / "setup.toml").read_bytes()
     by_key = kind.limits(parse_setup(data, "setup.toml", kind.setup))
     return Limits(limits={key: LimitTold(value=limit.value, judged=limit.judged) for key, limit in by_key.items()})
 
@@ -196,7 +193,7 @@ def limits(record: JobOfPath, request: Request) -> Limits:
 )
 def source(record: JobOfPath, request: Request) -> FileResponse:
     """Download the course file or the STL that the job was made from."""
-    path = _store(request).folder(record.id) / "source"
+    path = store_of(request).folder(record.id) / "source"
     return JobFile(path, media_type="application/octet-stream", filename=record.name)
 
 
@@ -209,7 +206,7 @@ def part(record: JobOfPath, name: str, request: Request) -> FileResponse:
     """Download a file that came along as one of the job's parts."""
     if name not in record.request["parts"]:
         raise Problem("not-found", f"no part {name!r} came along with this job")
-    path = _store(request).folder(record.id) / "parts" / name
+    path = store_of(request).folder(record.id) / "parts" / name
     return JobFile(path, media_type="application/octet-stream")
 
 
@@ -223,7 +220,7 @@ def mould(record: JobOfPath, request: Request) -> FileResponse:
     name = record.request.get("mould")
     if not name:
         raise Problem("not-found", "no mould came along with this job")
-    path = _store(request).folder(record.id) / "mould"
+    path = store_of(request).folder(record.id) / "mould"
     return JobFile(path, media_type="application/octet-stream", filename=name)
 
 
@@ -284,63 +281,23 @@ for _name, _description in TABLES.items():
 )
 async def verify(request: Request) -> dict[str, Any]:
     """Judge an NC program by its text: the report, whether it passed or not, with remarks beside the verdict."""
-    store, foreman = _store(request), _foreman(request)
+    store, foreman = store_of(request), foreman_of(request)
     foreman.check_room()
-    async with _staged(store) as folder:
+    async with staged(store) as folder:
         sent = await receive(request, folder, VERIFY_FIELDS)
         order = await run_in_threadpool(verify_request, sent, folder)
         await run_in_threadpool(write_request, folder, order)
-        message = await _while_there(request, foreman.run(folder, request.state.owner))
+        message = await while_there(request, foreman.run(folder, request.state.owner))
         if message["state"] != "done":
-            raise _problem(message["error"])
+            raise problem_of_body(message["error"])
         report: dict[str, Any] = json.loads((folder / "out" / "report.json").read_bytes())
     # The hash is that of the file, which this answer is not.
     del report["text_sha256"]
     return report | {"remarks": message["summary"]["remarks"]}
 
 
-async def _while_there(request: Request, work: Awaitable[Message]) -> Message:
-    """Return the result of work, which is cancelled if the client disconnects.
-
-    Raises:
-        Problem: the client has disconnected.
-    """
-    working = asyncio.ensure_future(work)
-    # The body has been read: the next message can only be a disconnect.
-    going = asyncio.ensure_future(request.receive())
-    try:
-        await asyncio.wait((working, going), return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        going.cancel()
-        working.cancel()
-        await asyncio.wait((working,))
-    if working.cancelled():
-        raise Problem("cancelled", "whoever asked has gone")
-    return working.result()
-
-
-@asynccontextmanager
-async def _staged(store: Store) -> AsyncIterator[Path]:
-    """Yield a folder for uploads, and remove it unless it has become a job's."""
-    folder = await run_in_threadpool(store.stage)
-    try:
-        yield folder
-    finally:
-        await run_in_threadpool(shutil.rmtree, folder, ignore_errors=True)
-
-
-def _store(request: Request) -> Store:
-    store: Store = request.app.state.store
-    return store
-
-
-def _foreman(request: Request) -> Foreman:
-    foreman: Foreman = request.app.state.foreman
-    return foreman
-
-
 def _job(record: Record, request: Request) -> Job:
-    out = _store(request).folder(record.id) / "out"
+    out = store_of(request).folder(record.id) / "out"
     return Job.model_validate(
         {
             "id": record.id,
@@ -375,13 +332,7 @@ def _result(record: Record, request: Request, name: str) -> Path:
     if record.summary is None:
         reason = record.error["detail"] if record.error else record.state
         raise Problem("job-failed", f"the job made nothing: {reason}")
-    path = _store(request).folder(record.id) / "out" / name
+    path = store_of(request).folder(record.id) / "out" / name
     if path.is_file():
         return path
     raise Problem("not-made", f"this job has none: it is of kind {record.kind}")
-
-
-def _problem(body: Mapping[str, Any]) -> Problem:
-    """Return a problem that a worker reported."""
-    evidence = {key: value for key, value in body.items() if key not in ("type", "title", "status", "detail", "code")}
-    return Problem(body["code"], body["detail"], **evidence)

@@ -14,7 +14,7 @@ import sys
 from asyncio.subprocess import PIPE, Process
 from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
-from contextlib import asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,7 @@ from tapelayer.workbench.store import SERVER_STOPPED, Record, Store
 # The last line of a worker: {"state": "done" | "failed", "summary": {...} | None, "error": {...} | None}.
 Message = dict[str, Any]
 Hear = Callable[[str, float], None]
+Turn = AbstractAsyncContextManager[None]
 
 # -P keeps Python from importing modules from the server's current folder.
 COMMAND = (sys.executable, "-P", "-m", "tapelayer.workbench.worker")
@@ -34,6 +35,8 @@ RETRY_SECONDS = 10
 SWEEP_SECONDS = 3600.0
 STOP_SECONDS = 2.0
 LONGEST_LINE = 2**26
+# Processes for brief work, beside those of the jobs.
+BRIEF_WORKERS = 1
 
 log = logging.getLogger(__name__)
 
@@ -75,6 +78,7 @@ class Foreman:
         self._jobs: dict[str, _Run] = {}
         self._errands: set[asyncio.Task[Message]] = set()
         self._turns = _Turns(limits.workers)
+        self._brief_turns = _Turns(BRIEF_WORKERS)
         self._spares: deque[Process] = deque()
         self._chores: set[asyncio.Task[None]] = set()
         self._hiring: asyncio.Task[None] | None = None
@@ -119,14 +123,20 @@ class Foreman:
         self.check_room()
         self._take_on(record)
 
-    async def run(self, folder: Path, owner: str) -> Message:
+    async def run(self, folder: Path, owner: str, *, brief: bool = False) -> Message:
         """Run a request from a folder outside the store, when its turn comes, and return the worker's last message.
+
+        Args:
+            folder: of the request.
+            owner: whose turn it takes.
+            brief: it takes seconds, and does not wait for the jobs.
 
         Raises:
             Problem: as `check_room`, or the server was stopped meanwhile.
         """
         self.check_room()
-        task = asyncio.create_task(self._work(folder, owner, partial(asyncio.sleep, 0), lambda stage, progress: None))
+        turn = (self._brief_turns if brief else self._turns).of(owner)
+        task = asyncio.create_task(self._work(folder, turn, partial(asyncio.sleep, 0), lambda stage, progress: None))
         self._errands.add(task)
         task.add_done_callback(self._errands.discard)
         try:
@@ -170,7 +180,8 @@ class Foreman:
     def _take_on(self, record: Record) -> None:
         run = _Run(record)
         begin, hear = partial(self._begin, run), partial(self._advance, run)
-        run.work = asyncio.create_task(self._work(self._store.folder(record.id), record.owner, begin, hear))
+        turn = self._turns.of(record.owner)
+        run.work = asyncio.create_task(self._work(self._store.folder(record.id), turn, begin, hear))
         run.ending = asyncio.create_task(self._settle(run))
         self._jobs[record.id] = run
 
@@ -219,9 +230,9 @@ class Foreman:
         log.error("reference %s", problem.evidence["reference"], exc_info=error)
         return _failed(problem)
 
-    async def _work(self, folder: Path, owner: str, begin: Callable[[], Awaitable[None]], hear: Hear) -> Message:
-        """Wait for the owner's turn, give the folder to a worker, and return the worker's last message."""
-        async with self._turns.of(owner):
+    async def _work(self, folder: Path, turn: Turn, begin: Callable[[], Awaitable[None]], hear: Hear) -> Message:
+        """Wait for the turn, give the folder to a worker, and return the worker's last message."""
+        async with turn:
             process = await self._hire()
             try:
                 await begin()

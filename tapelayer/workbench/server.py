@@ -15,7 +15,7 @@ import ssl
 import sys
 import threading
 import webbrowser
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -52,7 +52,7 @@ from tapelayer.workbench.access import (
 )
 from tapelayer.workbench.connections import Connection
 from tapelayer.workbench.foreman import Foreman, Limits
-from tapelayer.workbench.problems import CODES, EVERYWHERE, Problem, problem_of, responses
+from tapelayer.workbench.problems import CODES, EVERYWHERE, Problem, not_valid, problem_of, responses
 from tapelayer.workbench.store import Store
 
 STATIC = Path(__file__).parent / "static"
@@ -63,7 +63,6 @@ ROOMS = ("api", "catalogue", "kinematics")
 # After SIGTERM, answers under way may take GRACE_SECONDS; after END_SECONDS the process exits in any case.
 GRACE_SECONDS = 2
 END_SECONDS = 4.5
-SHOWN_FAULTS = 20
 
 DOCS_PAGE = """<!doctype html>
 <html lang="en">
@@ -368,10 +367,7 @@ async def _refused(request: Request, error: Exception) -> Response:
 
 async def _invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    sentences = [f"{_place(fault['loc'])}: {fault['msg']}" for fault in error.errors()]
-    faults = [{"line": 0, "column": 0, "sentence": sentence} for sentence in sentences[:SHOWN_FAULTS]]
-    detail = "\n".join(sentences[:SHOWN_FAULTS])
-    return problem_response(Problem("invalid-request", detail, faults=faults, fault_count=len(sentences)))
+    return problem_response(not_valid(error.errors()))
 
 
 async def _http(request: Request, error: Exception) -> Response:
@@ -392,12 +388,6 @@ async def _http(request: Request, error: Exception) -> Response:
 
 async def _gone(request: Request, error: Exception) -> Response:
     return problem_response(Problem("invalid-request", "the body ended before its announced end"))
-
-
-def _place(location: Sequence[str | int]) -> str:
-    """Return a location in a request as text, as in values[3][0]."""
-    parts = location[1:] if location[0] in ("body", "query", "path", "header", "cookie") and location[1:] else location
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
 
 
 def _listening(host: str, port: int) -> socket.socket:
