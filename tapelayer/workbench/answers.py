@@ -2,31 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Annotated, Any
+import os
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, BinaryIO
 
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.types import Receive, Scope, Send
 
 from tapelayer.jobs.kinds import NAMES, KindName
-from tapelayer.workbench.problems import Problem
 from tapelayer.workbench.store import State
 from tapelayer.workbench.uploads import Sort
 
 
 class JobFile(FileResponse):
-    """Response with a file of a job, which may be deleted before it is sent."""
+    """Response with an open file of a job, which may be deleted while it is sent.
+
+    Args:
+        file: from `Store.open`; closed when it is sent.
+        media_type: of its contents.
+        filename: that a browser saves it by.
+        headers: further ones.
+    """
+
+    def __init__(
+        self, file: BinaryIO, media_type: str, filename: str | None = None, headers: Mapping[str, str] | None = None
+    ) -> None:
+        self._file = file
+        path, about = f"/proc/self/fd/{file.fileno()}", os.fstat(file.fileno())
+        super().__init__(path, headers=headers, media_type=media_type, filename=filename, stat_result=about)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send the file."""
-        try:
+        with self._file:
             await super().__call__(scope, receive, send)
-        except RuntimeError:
-            if Path(self.path).exists():
-                raise
-            raise Problem("not-found", "this job has just been removed") from None
 
 
 class Fault(BaseModel):
@@ -124,10 +133,10 @@ class Progress(BaseModel):
     stage: str
 
 
-def content(media_type: str, *headers: str) -> dict[int | str, dict[str, Any]]:
-    """Return OpenAPI's description of a route's 200 response: its media type and optional headers."""
+def content(*media_types: str, headers: Sequence[str] = ()) -> dict[int | str, dict[str, Any]]:
+    """Return OpenAPI's description of a route's 200 response: its media types and optional headers."""
     described = {name: {"schema": {"type": "string"}} for name in headers}
-    return {200: {"description": "", "content": {media_type: {}}, "headers": described}}
+    return {200: {"description": "", "content": {each: {} for each in media_types}, "headers": described}}
 
 
 def form(fields: Mapping[str, Sort], required: tuple[str, ...], described: Mapping[str, Any]) -> dict[str, Any]:

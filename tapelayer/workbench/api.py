@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, BinaryIO, Literal, cast
 
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse
@@ -50,6 +51,8 @@ TABLES = {
     "part": "Show the part, or the mould that came along, as triangles in `machine` axes.",
     "coat": "Show the coat growing on the part: points in `machine` axes, thickness at X-Times (spray).",
 }
+# Folder of the results in a job's folder.
+OUT = "out"
 PROGRAM = "program.nc"
 RESULTS = (
     {"program": PROGRAM}
@@ -163,8 +166,8 @@ def program(record: JobOfPath, request: Request) -> FileResponse:
     if record.error and record.error["code"] == "verification-failed":
         evidence = {key: record.error[key] for key in ("failures", "failure_count") if key in record.error}
         raise Problem("program-withheld", f"verification judged the program bad: {record.error['detail']}", **evidence)
-    path = _result(record, request, PROGRAM)
-    return JobFile(path, media_type="text/plain", filename=f"{Path(record.name).stem}.nc")
+    file = _result(record, request, PROGRAM)
+    return JobFile(file, "text/plain", filename=f"{Path(record.name).stem}.nc")
 
 
 @router.get(
@@ -174,14 +177,14 @@ def program(record: JobOfPath, request: Request) -> FileResponse:
 )
 def setup(record: JobOfPath, request: Request) -> FileResponse:
     """Download the job's setup: the values that it was given, the controller among them."""
-    return JobFile(store_of(request).folder(record.id) / "setup.toml", media_type="application/toml")
+    return JobFile(store_of(request).open(record.id, "setup.toml"), "application/toml")
 
 
 @router.get("/jobs/{id}/limits", responses=responses("not-found"))
 def limits(record: JobOfPath, request: Request) -> Limits:
     """Show the limits that the job's setup sets, and which of them are judged."""
     kind = kind_of(cast(KindName, record.kind))
-    data = (store_of(request).folder(record.id) / "setup.toml").read_bytes()
+    data = store_of(request).read(record.id, "setup.toml")
     by_key = kind.limits(parse_setup(data, "setup.toml", kind.setup))
     return Limits(limits={key: LimitTold(value=limit.value, judged=limit.judged) for key, limit in by_key.items()})
 
@@ -193,8 +196,7 @@ def limits(record: JobOfPath, request: Request) -> Limits:
 )
 def source(record: JobOfPath, request: Request) -> FileResponse:
     """Download the course file or the STL that the job was made from."""
-    path = store_of(request).folder(record.id) / "source"
-    return JobFile(path, media_type="application/octet-stream", filename=record.name)
+    return JobFile(store_of(request).open(record.id, "source"), "application/octet-stream", record.name)
 
 
 @router.get(
@@ -206,8 +208,7 @@ def part(record: JobOfPath, name: str, request: Request) -> FileResponse:
     """Download a file that came along as one of the job's parts."""
     if name not in record.request["parts"]:
         raise Problem("not-found", f"no part {name!r} came along with this job")
-    path = store_of(request).folder(record.id) / "parts" / name
-    return JobFile(path, media_type="application/octet-stream")
+    return JobFile(store_of(request).open(record.id, "parts", name), "application/octet-stream")
 
 
 @router.get(
@@ -220,15 +221,14 @@ def mould(record: JobOfPath, request: Request) -> FileResponse:
     name = record.request.get("mould")
     if not name:
         raise Problem("not-found", "no mould came along with this job")
-    path = store_of(request).folder(record.id) / "mould"
-    return JobFile(path, media_type="application/octet-stream", filename=name)
+    return JobFile(store_of(request).open(record.id, "mould"), "application/octet-stream", name)
 
 
 def _add_file(address: str, file: str, media_type: str, description: str) -> None:
     """Add the route to a file among a job's results."""
 
     def endpoint(record: JobOfPath, request: Request) -> FileResponse:
-        return JobFile(_result(record, request, file), media_type=media_type)
+        return JobFile(_result(record, request, file), media_type)
 
     router.add_api_route(
         f"/jobs/{{id}}/{address}",
@@ -244,22 +244,23 @@ def _add_table(name: str, description: str) -> None:
     """Add the route to a table among a job's results."""
 
     def endpoint(record: JobOfPath, request: Request) -> FileResponse:
-        path = _result(record, request, f"{name}.f32")
-        about = json.loads(path.with_suffix(".json").read_bytes())
+        file = _result(record, request, f"{name}.f32")
+        about = json.loads(store_of(request).read(record.id, OUT, f"{name}.json"))
         columns = about["columns"]
-        headers = {"X-Columns": ",".join(columns), "X-Rows": str(path.stat().st_size // (FLOAT_BYTES * len(columns)))}
+        size = os.fstat(file.fileno()).st_size
+        headers = {"X-Columns": ",".join(columns), "X-Rows": str(size // (FLOAT_BYTES * len(columns)))}
         if "times" in about:
             headers["X-Times"] = ",".join(f"{time:g}" for time in about["times"])
         if "unit" in about:
             headers["X-Unit"] = about["unit"]
-        return JobFile(path, media_type="application/octet-stream", headers=headers)
+        return JobFile(file, "application/octet-stream", headers=headers)
 
     router.add_api_route(
         f"/jobs/{{id}}/{name}",
         endpoint,
         name=name,
         response_class=FileResponse,
-        responses=content("application/octet-stream", "X-Columns", "X-Rows", "X-Times", "X-Unit")
+        responses=content("application/octet-stream", headers=("X-Columns", "X-Rows", "X-Times", "X-Unit"))
         | responses("not-found", "not-made", "job-not-finished", "job-failed"),
         description=f"{description} Little-endian float32, row by row; the columns are in X-Columns, units in names.",
     )
@@ -297,7 +298,8 @@ async def verify(request: Request) -> dict[str, Any]:
 
 
 def _job(record: Record, request: Request) -> Job:
-    out = store_of(request).folder(record.id) / "out"
+    store = store_of(request)
+    results = [address for address, file in RESULTS.items() if record.summary and store.holds(record.id, OUT, file)]
     return Job.model_validate(
         {
             "id": record.id,
@@ -309,7 +311,7 @@ def _job(record: Record, request: Request) -> Job:
             "created_at": record.created_at,
             "summary": record.summary,
             "error": record.error,
-            "results": [address for address, file in RESULTS.items() if record.summary and (out / file).is_file()],
+            "results": results,
             "sent": record.request,
             "mine": record.owner == request.state.owner,
         }
@@ -320,8 +322,8 @@ def _event(name: Literal["state", "progress", "done"], body: BaseModel) -> Serve
     return ServerSentEvent(event=name, raw_data=body.model_dump_json(exclude_unset=True))
 
 
-def _result(record: Record, request: Request, name: str) -> Path:
-    """Return the path of a file among a job's results.
+def _result(record: Record, request: Request, name: str) -> BinaryIO:
+    """Open a file among a job's results.
 
     Raises:
         Problem: there is no such file; the problem says why.
@@ -332,7 +334,7 @@ def _result(record: Record, request: Request, name: str) -> Path:
     if record.summary is None:
         reason = record.error["detail"] if record.error else record.state
         raise Problem("job-failed", f"the job made nothing: {reason}")
-    path = store_of(request).folder(record.id) / "out" / name
-    if path.is_file():
-        return path
+    store = store_of(request)
+    if store.holds(record.id, OUT, name):
+        return store.open(record.id, OUT, name)
     raise Problem("not-made", f"this job has none: it is of kind {record.kind}")

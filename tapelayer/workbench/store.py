@@ -18,13 +18,14 @@ import os
 import secrets
 import shutil
 import sqlite3
+import stat
 import threading
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 from tapelayer.atomic_files import write_files
 from tapelayer.errors import WorkDirectoryRefused
@@ -34,6 +35,8 @@ State = Literal["queued", "running", "done", "failed", "cancelled"]
 Ending = Literal["done", "failed", "cancelled"]
 
 SERVER_STOPPED = "the server was stopped while this job ran; submit it again"
+# What opening a file answers where there is none, or a link, a folder or a device in its place.
+NO_FILE = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.ENXIO, errno.EISDIR)
 SCHEMA = 1
 TABLE = """
 CREATE TABLE jobs (
@@ -182,6 +185,53 @@ class Store:
     def folder(self, job: str) -> Path:
         """Return the folder of a job's files."""
         return self._jobs / job
+
+    def open(self, job: str, *place: str) -> BinaryIO:
+        """Open a file of a job for reading; no link leads out of the job's folder.
+
+        Args:
+            job: id of the job.
+            place: names of the folders below the job's, and of the file.
+
+        Raises:
+            Problem: there is no such file, or it or a folder on the way is a link, or it has a second name.
+        """
+        *folders, name = (job, *place)
+        handle = os.open(self._jobs, os.O_PATH | os.O_DIRECTORY)
+        try:
+            for folder in folders:
+                above, handle = handle, os.open(folder, os.O_PATH | os.O_DIRECTORY | os.O_NOFOLLOW, dir_fd=handle)
+                os.close(above)
+            # A pipe would keep whoever opens it waiting.
+            file = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=handle)
+        except OSError as error:
+            if error.errno in NO_FILE:
+                raise _no_file(place) from None
+            raise
+        finally:
+            os.close(handle)
+        about = os.fstat(file)
+        if stat.S_ISREG(about.st_mode) and about.st_nlink == 1:
+            return os.fdopen(file, "rb")
+        os.close(file)
+        raise _no_file(place)
+
+    def read(self, job: str, *place: str) -> bytes:
+        """Return the contents of a file of a job.
+
+        Raises:
+            Problem: as `open`.
+        """
+        with self.open(job, *place) as file:
+            return file.read()
+
+    def holds(self, job: str, *place: str) -> bool:
+        """Return whether a job has a file."""
+        try:
+            self.open(job, *place).close()
+        except Problem:
+            return False
+        return True
 
     def get(self, job: str) -> Record:
         """Return a job by its id.
@@ -348,6 +398,10 @@ def write_request(folder: Path, request: Mapping[str, Any]) -> None:
         TargetNotWritable: the disk is full.
     """
     write_files({folder / "request.json": json.dumps(request, ensure_ascii=False).encode()})
+
+
+def _no_file(place: Sequence[str]) -> Problem:
+    return Problem("not-found", f"this job has no file {'/'.join(place)} of its own")
 
 
 def _flush(*paths: Path) -> None:

@@ -23,7 +23,6 @@ from tapelayer.laying.job import Job
 from tapelayer.laying.settings import Setup
 from tapelayer.setups.sections import parse_setup
 from tapelayer.workbench import answers, api
-from tapelayer.workbench.problems import Problem
 from tests.helpers.forms import FORM, Part, body_of
 from tests.helpers.panels import sheet, write_stl
 from tests.helpers.paths import ROOT
@@ -33,6 +32,7 @@ from urdf import TAPELAYER
 EXAMPLES = ROOT / "examples"
 FLAT = (EXAMPLES / "flat_panel_00.txt").read_bytes()
 MEGABYTE = 10**6
+SHEET = (EXAMPLES / "curved_panel.stl").read_bytes()
 TILTED = "[process]\nkinematics = 'published'\n[verification]\nmax_roller_tilt_deg = 1\n"
 
 
@@ -380,6 +380,50 @@ def test_no_part_is_a_path(client: Client, laid: dict[str, Any]) -> None:
         assert_problem(client.result(laid["id"], f"parts/{name}"), "not-found", 404)
 
 
+def planted(place: Path, target: Path, how: str) -> None:
+    """Put something that is no file of the job's own in a place."""
+    place.unlink()
+    if how == "link":
+        place.symlink_to(target)
+    elif how == "name":
+        place.hardlink_to(target)
+    elif how == "pipe":
+        os.mkfifo(place)
+    else:
+        place.mkdir()
+
+
+@pytest.mark.parametrize("how", ["link", "name", "pipe", "folder"])
+def test_what_is_planted_in_a_job_is_not_served(client: Client, folder: Path, tmp_path: Path, how: str) -> None:
+    secret = folder / "secret"
+    secret.write_bytes(b"secret")
+    job = client.made("panel.txt", FLAT, parts={"notes.txt": b"mine"}, mould=SHEET)
+    addresses = {"setup": "setup.toml", "source": "source", "mould": "mould", "parts/notes.txt": "parts/notes.txt"}
+    addresses |= {address: f"out/{file}" for address, file in api.RESULTS.items() if address in job["results"]}
+    for address, file in addresses.items():
+        assert client.result(job["id"], address).status_code == 200
+        planted(folder / "jobs" / job["id"] / file, secret, how)
+        answer = client.result(job["id"], address)
+        assert (answer.status_code, b"secret" in answer.content) == (404, False), address
+    assert_problem(client.result(job["id"], "limits"), "not-found", 404)
+    assert client.get(f"/api/v1/jobs/{job['id']}").json()["results"] == []
+    secret.unlink()
+
+
+def test_a_folder_that_is_planted_in_a_job_is_not_entered(client: Client, folder: Path, tmp_path: Path) -> None:
+    job, other = (client.made("panel.txt", FLAT, parts={"notes.txt": b"mine"}) for _ in range(2))
+    for name in ("out", "parts"):
+        (folder / "jobs" / job["id"] / name).rename(tmp_path / name)
+        (folder / "jobs" / job["id"] / name).symlink_to(tmp_path / name)
+    assert client.get(f"/api/v1/jobs/{job['id']}").json()["results"] == []
+    assert_problem(client.result(job["id"], "parts/notes.txt"), "not-found", 404)
+    assert_problem(client.result(job["id"], "program"), "not-made", 404)
+    # The whole folder may be another's.
+    (folder / "jobs" / other["id"]).rename(tmp_path / "other")
+    (folder / "jobs" / other["id"]).symlink_to(tmp_path / "other")
+    assert_problem(client.result(other["id"], "source"), "not-found", 404)
+
+
 def test_nothing_is_left_of_what_was_refused(client: Client, folder: Path) -> None:
     client.submit("panel.txt", FLAT, kind="cut")
     assert list((folder / "staging").iterdir()) == []
@@ -445,15 +489,21 @@ def test_jobs_are_cancelled_and_removed(workbench: Workbench, folder: Path) -> N
         assert not (folder / "jobs" / running).exists()
 
 
-def test_a_file_that_goes_before_it_is_sent_is_not_found(tmp_path: Path) -> None:
+def test_a_file_that_goes_while_it_is_sent_is_sent(tmp_path: Path) -> None:
     file = tmp_path / "source"
-    file.write_bytes(b"")
-    answer = answers.JobFile(file)
+    file.write_bytes(FLAT)
+    answer = answers.JobFile(file.open("rb"), "text/plain")
     file.unlink()
-    scope = {"type": "http", "method": "GET", "headers": []}
-    with pytest.raises(Problem, match="^this job has just been removed$") as problem:
-        asyncio.run(answer(scope, unasked, unasked))
-    assert problem.value.code == "not-found"
+    file.write_bytes(b"another")
+    sent: list[dict[str, Any]] = []
+
+    async def send(message: dict[str, Any]) -> None:
+        sent.append(message)
+
+    scope = {"type": "http", "method": "GET", "headers": [], "asgi": {"spec_version": "2.4"}}
+    asyncio.run(answer(scope, unasked, send))
+    assert dict(sent[0]["headers"])[b"content-length"] == str(len(FLAT)).encode()
+    assert b"".join(message["body"] for message in sent[1:]) == FLAT
 
 
 async def unasked(*message: object) -> Any:
