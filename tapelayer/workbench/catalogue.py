@@ -11,7 +11,7 @@ from fastapi.responses import FileResponse, PlainTextResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from post import controllers
-from tapelayer.jobs.kinds import NAMES, KindName, kind_of, name_of_source
+from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, name_of_source
 from tapelayer.machines.machine import Axis
 from tapelayer.reporting.quantity import Group, Style, quantities
 from tapelayer.reporting.words import Words
@@ -187,7 +187,7 @@ def list_examples() -> Examples:
 @router.get(
     "/examples/{name}",
     response_class=FileResponse,
-    responses=content("text/plain") | content("model/stl") | responses("not-found"),
+    responses=content(*sorted({kind.source.media_type for kind in kinds()})) | responses("not-found"),
 )
 def example(name: str) -> FileResponse:
     """Download a file to begin with."""
