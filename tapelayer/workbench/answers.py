@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.types import Receive, Scope, Send
 
 from tapelayer.jobs.kinds import NAMES, KindName
-from tapelayer.workbench.store import State
+from tapelayer.workbench.record import State
 from tapelayer.workbench.uploads import Sort
 
 
@@ -87,16 +87,27 @@ class Sent(BaseModel):
     parts: list[str] = []
 
 
+Moment = Annotated[str, Field(json_schema_extra={"format": "date-time"})]
+
+
 class Job(BaseModel):
     """A job as it is."""
 
     id: Annotated[str, Field(pattern="^[0-9a-f]{32}$", description="whoever has it may read the job")]
     kind: KindName
     name: Annotated[str, Field(description="of the uploaded file")]
+    source_sha256: Annotated[str, Field(description="of the uploaded file's bytes; empty where it is not known")]
+    title: Annotated[str, Field(description="name that its owner gave it; may be empty")]
+    note: Annotated[str, Field(description="of its owner; may be empty")]
     state: State
     progress: Annotated[float, Field(ge=0, le=1)]
     stage: Annotated[str, Field(description="what is under way, or was when the job ended; empty before it began")]
-    created_at: Annotated[str, Field(json_schema_extra={"format": "date-time"})]
+    place: Annotated[int | None, Field(ge=1, description="in the queue; null where it does not wait")]
+    created_at: Moment
+    started_at: Annotated[Moment | None, Field(description="null until it runs")]
+    finished_at: Annotated[Moment | None, Field(description="null until it has ended")]
+    deleted_at: Annotated[Moment | None, Field(description="null unless it is deleted")]
+    run_s: Annotated[float | None, Field(description="from its start to its end; null where there is none")]
     summary: Annotated[Summary | None, Field(description="null where nothing was made")]
     error: Annotated[ProblemDetails | None, Field(description="null where there is none")]
     results: Annotated[list[str], Field(description="what there is below the job's address; empty until it ends")]
@@ -105,6 +116,15 @@ class Job(BaseModel):
     owner_key: Annotated[
         str, Field(description="only in the answer to a new job, and where the request named no owner; keep it")
     ] = ""
+
+
+class Description(BaseModel):
+    """What a job's owner says of it; what is left out stays as it is."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    title: Annotated[str | None, Field(max_length=200)] = None
+    note: Annotated[str | None, Field(max_length=2000)] = None
 
 
 class Jobs(BaseModel):
