@@ -107,11 +107,11 @@ def job(record: JobOfPath, request: Request) -> Job:
 
 
 @router.patch("/jobs/{id}", response_model_exclude_unset=True, responses=responses(*CHANGED, "upload-too-large"))
-def describe(record: OwnJob, description: Description, request: Request) -> Job:
+async def describe(record: OwnJob, description: Description, request: Request) -> Job:
     """Give a job a title or a note; the name of its file stays."""
     title = record.title if description.title is None else description.title
     note = record.note if description.note is None else description.note
-    described = store_of(request).describe(record.id, title, note)
+    described = await run_in_threadpool(store_of(request).describe, record.id, title, note)
     foreman_of(request).describe(described)
     return _job(described, request)
 

@@ -59,9 +59,8 @@ def compare(store: Store, a: Record, b: Record) -> Comparison:
         Problem: they are of two kinds, or one of them has no report.
     """
     if a.kind != b.kind:
-        raise Problem(
-            "invalid-request", f"a is a job of kind {a.kind}, b one of kind {b.kind}; compare jobs of one kind"
-        )
+        detail = f"job a is of kind {a.kind}, job b of kind {b.kind}; compare jobs of one kind"
+        raise Problem("invalid-request", detail)
     name = cast(KindName, a.kind)
     reports = [_report(store, record, letter) for record, letter in ((a, "a"), (b, "b"))]
     setups = [_values(store, record, kind_of(name).setup) for record in (a, b)]

@@ -13,7 +13,7 @@ import signal
 import sys
 from asyncio.subprocess import PIPE, Process
 from collections import deque
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Mapping
 from contextlib import AbstractAsyncContextManager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -81,6 +81,7 @@ class Foreman:
         self._store = store
         self._jobs: dict[str, _Run] = {}
         self._errands: set[asyncio.Task[Message]] = set()
+        self._places: Mapping[str, int] = {}
         self._turns = Turns(limits.workers, self._moved)
         self._brief_turns = Turns(BRIEF_WORKERS, lambda: None)
         self._spares: deque[Process] = deque()
@@ -161,11 +162,11 @@ class Foreman:
             run.work.cancel()
             # A full disk must not block the request that frees space.
             await asyncio.wait([run.ending], timeout=STOP_SECONDS)
-        return await asyncio.to_thread(self._store.get, job)
+        return await asyncio.to_thread(self._store.find, job)
 
-    def places(self) -> dict[str, int]:
+    def places(self) -> Mapping[str, int]:
         """Return the place of each waiting job in the queue, from 1; programs that wait to be judged count too."""
-        return {job: place for place, job in enumerate(self._turns.line(), 1) if job}
+        return self._places
 
     def describe(self, record: Record) -> None:
         """Tell the watchers of a job that its title or its note has changed."""
@@ -199,7 +200,9 @@ class Foreman:
         self._jobs[record.id] = run
 
     def _moved(self) -> None:
-        """Tell the watchers of waiting jobs that the queue has moved."""
+        """Note the places in the queue, and tell the watchers of waiting jobs that it has moved."""
+        # Other threads read the places, so they are replaced and never changed.
+        self._places = {job: place for place, job in enumerate(self._turns.line(), 1) if job}
         for run in self._jobs.values():
             if run.record.state == "queued":
                 run.tell(run.record)

@@ -512,9 +512,11 @@ def test_a_deleted_job_is_brought_back(workbench: Workbench, folder: Path) -> No
         assert client.delete(f"/api/v1/jobs/{running}").status_code == 204
         assert client.post(f"/api/v1/jobs/{running}/restore").json()["state"] == "cancelled"
         # For good, also where it was deleted before.
-        for _ in range(2):
-            client.delete(address, params={"forever": True})
-            assert_problem(client.post(f"{address}/restore"), "not-found", 404)
+        assert client.delete(address).status_code == 204
+        assert_problem(client.delete(address), "not-found", 404)
+        assert client.delete(address, params={"forever": True}).status_code == 204
+        assert_problem(client.post(f"{address}/restore"), "not-found", 404)
+        assert_problem(client.delete(address, params={"forever": True}), "not-found", 404)
         assert not (folder / "jobs" / job["id"]).exists()
 
 
