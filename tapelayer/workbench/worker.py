@@ -21,7 +21,7 @@ import traceback
 from collections.abc import Callable, Mapping
 from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from tapelayer.atomic_files import write_files
 from tapelayer.errors import TapelayerError
@@ -33,6 +33,7 @@ from tapelayer.jobs.stages import READING, SAVING, Weights
 from tapelayer.setups.sections import parse_setup
 from tapelayer.workbench import problems, scene
 from tapelayer.workbench.problems import Problem
+from tapelayer.workbench.solving import Way, solve
 
 Say = Callable[[Mapping[str, Any]], None]
 
@@ -80,8 +81,12 @@ def carry_out(folder: Path, say: Say) -> dict[str, Any]:
 
     Raises:
         TapelayerError: the job cannot be done.
+        Problem: its rows cannot be solved.
     """
     request = json.loads((folder / "request.json").read_bytes())
+    if request["kind"] in get_args(Way):
+        (folder / "answer.json").write_bytes(solve(request["kind"], (folder / "rows.json").read_bytes()))
+        return {"state": "done", "summary": None, "error": None}
     verifying = request["kind"] == "verify"
     kind = kind_of(request["of"] if verifying else request["kind"])
     stages = Stages(say, kind.judging if verifying else kind.making)
@@ -119,6 +124,8 @@ def answer(folder: Path, say: Say) -> dict[str, Any]:
         return carry_out(folder, say)
     except TapelayerError as error:
         return _failed(problems.of_error(error), None)
+    except Problem as refusal:
+        return _failed(refusal.body(), None)
     except MemoryError:
         # The frames of the error hold the memory; leaving this block releases it before the message is built.
         pass

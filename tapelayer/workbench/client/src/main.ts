@@ -36,6 +36,7 @@ const help = createHelp();
 
 const badge = h("div", { class: "badge-place" });
 const shown = h("output", { testid: "job-name", class: "job-name" });
+const loading = h("output", { testid: "loading", class: "loading" });
 const downloads = h("nav", { class: "downloads", tLabel: "downloads" });
 const language = h("select", { testid: "language", tLabel: "language" });
 const theme = h("select", { testid: "theme", tLabel: "theme" });
@@ -49,6 +50,7 @@ const settings = h("div", { class: "settings" }, language, theme);
 layout.header.append(
   h("h1", {}, "tapelayer"),
   shown,
+  loading,
   badge,
   downloads,
   h("button", { type: "button", testid: "clear", t: "clear", tTitle: "clear.about", onclick: () => clear() }),
@@ -95,6 +97,7 @@ layout.left.append(
 );
 document.title = t("page.title");
 
+load(fromAddress() ?? "");
 const signedIn = startSession(session, settings);
 const started = start().catch(notice.report);
 const furnished = furnish();
@@ -277,6 +280,7 @@ async function show(job: Job): Promise<void> {
 /** Shows a job with its file and its parameters, and follows it if it has not ended. */
 async function open(id: string): Promise<void> {
   current = id;
+  load(id);
   running.leave();
   notice.clear();
   try {
@@ -293,10 +297,20 @@ async function open(id: string): Promise<void> {
     await form.show(job.kind);
     form.write(setup);
     sent = now();
+    if (api.underWay(job)) load("");
     await ended(api.underWay(job) ? await running.follow(job) : job);
   } catch (error) {
+    if (id === current && error instanceof api.Refused && error.problem.code === "not-found") current = null;
     notice.report(error);
+  } finally {
+    if (id === current || !current) load("");
   }
+}
+
+/** Says that a job is loaded; an empty id that none is. */
+function load(id: string): void {
+  loading.textContent = id && t("loading", { id: id.slice(0, 8) });
+  app.setAttribute("aria-busy", String(id !== ""));
 }
 
 function fileName({ name }: Job, what: (typeof DOWNLOADS)[number]): string {
@@ -345,5 +359,5 @@ function retranslate(next: Language): void {
 }
 
 function fromAddress(): string | undefined {
-  return /^#job=([0-9a-f]{32})$/.exec(location.hash)?.[1];
+  return /^#job=(.+)$/.exec(location.hash)?.[1];
 }

@@ -1,5 +1,5 @@
 import { KINDS } from "./kinds";
-import type { Blocks, Job, Kind, KindTold, Limit, Made, Problem, Report, SetupValues, Table, TableName } from "./types";
+import type { Blocks, Comparison, Job, Kind, KindTold, Limit, Made, Problem, Report, SetupValues, Table, TableName } from "./types";
 
 const ROOT = "/api/v1";
 
@@ -202,8 +202,17 @@ export async function jobs(): Promise<Job[]> {
   return (await askJson<{ jobs: Job[] }>("/jobs")).jobs;
 }
 
-export const job = (id: string): Promise<Job> => askJson(`/jobs/${id}`);
+export const job = (id: string): Promise<Job> => askJson(`/jobs/${encodeURIComponent(id)}`);
+export const restoreJob = (id: string): Promise<Job> => askJson(`/jobs/${id}/restore`, { method: "POST" });
+export const compareJobs = (a: string, b: string): Promise<Comparison> => askJson(`/jobs/compare?a=${a}&b=${b}`);
 export const cancelJob = (id: string): Promise<Response> => ask(`/jobs/${id}/cancel`, { method: "POST" });
+
+/** Changes the note of a job. */
+export function noteJob(id: string, note: string): Promise<Job> {
+  const init = { method: "PATCH", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ note }) };
+  return askJson(`/jobs/${id}`, init);
+}
+
 export const deleteJob = (id: string): Promise<Response> => ask(`/jobs/${id}`, { method: "DELETE" });
 
 export async function parseSetup(kind: Kind, toml: string): Promise<SetupValues> {

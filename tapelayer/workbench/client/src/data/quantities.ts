@@ -34,6 +34,13 @@ export function shown(value: unknown, { absent, digits, style, unit }: Quantity)
   return `${fixed(value, style === "power" ? POWER : digits)} ${written(unit)}`.trimEnd();
 }
 
+/** A time in hours, minutes and seconds, from the largest of them that it has. */
+export function duration(seconds: number, t: Translate): string {
+  const whole = Math.round(seconds);
+  const [h, m, s] = [Math.floor(whole / 3600), Math.floor(whole / 60) % 60, whole % 60];
+  return t(h ? "duration.hours" : m ? "duration.minutes" : "duration.seconds", { h, m, s });
+}
+
 /** A share in percent, or that it was not measured. */
 export function percent(value: number | null, t: Translate): string {
   return value === null ? t("report.not_measured") : `${fixed(value, 1)} %`;

@@ -48,9 +48,15 @@ export interface Job {
   id: string;
   kind: Kind;
   name: string;
+  /** Of the uploaded file; empty where it is not known. */
+  source_sha256: string;
+  title: string;
+  note: string;
   state: State;
   progress: number;
   stage: string;
+  /** In the queue, from 1; null where the job does not wait. */
+  place: number | null;
   created_at: string;
   summary: Summary | null;
   error: Problem | null;
@@ -58,6 +64,14 @@ export interface Job {
   sent: { unit: string; mould: string; parts: string[] };
   mine: boolean;
   owner_key?: string;
+}
+
+/** What differs between two jobs of one kind. */
+export interface Comparison {
+  kind: Kind;
+  quantities: { key: string; a: number | null; b: number | null }[];
+  setup: { section: string; key: string; a: unknown; b: unknown }[];
+  files: { file: string; a: string; b: string }[];
 }
 
 export interface Table {
