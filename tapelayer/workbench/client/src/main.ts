@@ -52,6 +52,7 @@ layout.header.append(
   badge,
   downloads,
   h("button", { type: "button", testid: "clear", t: "clear", tTitle: "clear.about", onclick: () => clear() }),
+  layout.folds,
   h("button", { type: "button", testid: "help", t: "help", onclick: () => help.showModal() }),
   settings,
 );
@@ -119,10 +120,15 @@ async function furnish(): Promise<void> {
   ];
   idle = (kind) => scene.idle(kind);
   startShortcuts(clock, {
-    search: () => program.openSearch(),
+    search() {
+      layout.reveal("program");
+      program.openSearch();
+    },
     generate: () => void generate(),
     help: () => help.showModal(),
     tab: layout.showTab,
+    fold: layout.fold,
+    fill: layout.fill,
   });
   addEventListener("hashchange", () => {
     const id = fromAddress();
@@ -228,10 +234,14 @@ async function generate(): Promise<void> {
   if (running.busy) return;
   if (!input.source) {
     notice.show({ type: "", title: "", status: 0, code: "no-file", detail: t("problem.no-file.detail") });
+    layout.reveal("left");
     input.askForFile();
     return;
   }
-  if (!form.check()) return;
+  if (!form.check()) {
+    layout.reveal("left");
+    return;
+  }
   notice.clear();
   try {
     sent = now();

@@ -18,6 +18,8 @@ const KEYS: [keys: string, key: string][] = [
   ["Ctrl F", "search"],
   ["Ctrl Enter", "generate"],
   ["1 2 3 4", "tabs"],
+  ["I N T", "fold"],
+  ["M", "fill"],
   ["?", "help"],
   ["Esc", "close"],
 ];

@@ -305,7 +305,7 @@ class ProgramView implements ProgramPanel {
 
   private phrases(): ReturnType<typeof EditorState.phrases.of>[] {
     const told = PHRASES.map((phrase) => [phrase, this.t(`search.${phrase.replaceAll(" ", "_")}`)]);
-    const label = EditorView.contentAttributes.of({ "aria-label": this.t("program.text"), "aria-readonly": "true" });
+    const label = EditorView.contentAttributes.of({ "aria-label": this.t("program.text"), "aria-readonly": "true", tabindex: "0" });
     return [EditorState.phrases.of(Object.fromEntries(told)), label] as ReturnType<typeof EditorState.phrases.of>[];
   }
 
