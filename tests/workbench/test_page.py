@@ -627,9 +627,9 @@ TEXTS = """(root) => {
 }"""
 UNIT = r"(mm|deg|m|s|ms|in)(/s)?"
 SAME = re.compile(
-    rf"""[a-z]|theta|phi|tapelayer|English|中文|JSON|URDF|[0-9a-f]{{64}}|{UNIT}|°/s
+    rf"""[a-zA-Z]|theta|phi|tapelayer|English|中文|JSON|URDF|[0-9a-f]{{64}}|{UNIT}|°/s
     |cylinder_panel_15\.txt(\ ·\ [0-9a-f]{{32}})?|jb3208|linuxcnc(_remap)?|sinumerik840d|generic5
-    |[0-9.e-]+\ {UNIT}|[a-z]\ {UNIT}|[GM]\d\d|F|Ctrl|Shift|Enter|End|Home|Esc|Space
+    |[0-9.e-]+\ {UNIT}|[a-z]\ {UNIT}|[GM]\d\d|Ctrl|Shift|Enter|End|Home|Esc|Space
     |[a-z0-9]+(_[a-z0-9]+)+|urdf|kinematics|controller""",
     re.VERBOSE,
 )

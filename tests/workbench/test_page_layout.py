@@ -197,7 +197,8 @@ def test_faults_of_a_file_leave_the_machine_in_sight(guest: Person, jobs: Jobs) 
     for _ in range(100):
         guest.page.keyboard.press("PageDown")
         guest.page.wait_for_timeout(50)
-        if last.evaluate("(row) => row.getBoundingClientRect().bottom < row.closest('.problem').getBoundingClientRect().bottom"):
+        below, end = last.bounding_box(), problem.bounding_box()
+        if below["y"] < end["y"] + end["height"]:
             break
     api.expect(last).to_be_in_viewport()
     for width, height in SIZES[-2:]:
