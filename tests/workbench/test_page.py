@@ -217,8 +217,10 @@ def test_the_verdict_is_the_report_s(laid: Person, made: Made) -> None:
     assert made.report["passed"] is True
     verdict = laid.text("verdict")
     assert verdict.startswith("PASSED")
-    for key, number in (("max_position_error_mm", ".4f"), ("duration_s", ".1f"), ("blocks", "d")):
+    for key, number in (("max_position_error_mm", ".4f"), ("blocks", "d")):
         assert format(made.report[key], number) in verdict
+    minutes, rest = divmod(round(made.report["duration_s"], 1), 60)
+    assert f"duration {minutes:.0f} min {rest:.1f} s" in verdict
     laid["tab-verdict"].click()
     assert laid.text("program-sha256") == hashlib.sha256(made.text).hexdigest() == made.report["program_sha256"]
 
@@ -556,7 +558,16 @@ def test_a_program_judged_bad_is_withheld(guest: Person) -> None:
         failures.nth(number).locator("button").click()
         guest.see("clock-place", f"course {failure['course']} ")
     api.expect(guest["program-withheld"]).to_be_visible()
-    assert guest["program"].count() == 0 and guest["download-program"].get_attribute("href") is None
+    # It can be read, follows the failures, and is not given away.
+    api.expect(guest.program().locator(".nc-current")).to_be_in_viewport()
+    assert guest["program"].evaluate("(text) => getComputedStyle(text, '::after').content") == '"FAILED · withheld"'
+    assert guest["download-program"].get_attribute("href") is None and guest["copy-program"].is_disabled()
+    copied = """(text) => {
+        const event = new ClipboardEvent("copy", { bubbles: true, cancelable: true });
+        return text.shadowRoot.querySelector(".cm-content").dispatchEvent(event);
+    }"""
+    assert guest["program"].evaluate(copied) is False
+    assert guest.page.locator(".failures").count() == 1
     assert json.loads(guest.download("download-report-json")[1]) == report
     answer = guest.context.request.get(f"{guest.url}/api/v1/jobs/{guest.job()}/program")
     assert (answer.status, answer.json()["code"]) == (409, "program-withheld")
@@ -629,7 +640,7 @@ UNIT = r"(mm|deg|m|s|ms|in)(/s)?"
 SAME = re.compile(
     rf"""[a-zA-Z]|theta|phi|tapelayer|English|中文|JSON|URDF|[0-9a-f]{{64}}|{UNIT}|°/s
     |cylinder_panel_15\.txt(\ ·\ [0-9a-f]{{32}})?|jb3208|linuxcnc(_remap)?|sinumerik840d|generic5
-    |[0-9.e-]+\ {UNIT}|[a-z]\ {UNIT}|[GM]\d\d|Ctrl|Shift|Enter|End|Home|Esc|Space
+    |([0-9]+\ min\ )?[0-9.e-]+\ {UNIT}|[a-z]\ {UNIT}|[GM]\d\d|Ctrl|Shift|Enter|End|Home|Esc|Space
     |[a-z0-9]+(_[a-z0-9]+)+|urdf|kinematics|controller""",
     re.VERBOSE,
 )
@@ -929,6 +940,20 @@ def test_a_hundred_thousand_blocks_stay_together(browser: Any, tmp_path: Path) -
             for share in np.linspace(0.1, 0.9, 20):
                 person.page.mouse.click(over["x"] + share * over["width"], over["y"] + over["height"] / 2)
             assert_on_the_way(person, made)
+        with traced("material"):
+            person["tab-ledger"].click()
+            api.expect(person["ledger"].locator("tbody tr").first).to_be_visible()
+            person.page.wait_for_timeout(500)
+        with traced("searching"):
+            person["program-search"].click()
+            person.page.keyboard.type(made.lines[int(made.trajectory.lines[-2]) - 1].split(" ")[0] + " ")
+            person.page.keyboard.press("Enter")
+            api.expect(person["search-count"]).to_have_text("1 of 1")
+            person.page.wait_for_timeout(500)
+        with traced("language"):
+            person["language"].select_option("zh")
+            api.expect(person["generate"]).to_have_text("生成")
+            person.page.wait_for_timeout(500)
         person.leave()
     seconds_to = {"first_view_s": round(first_view, 2), "machine_drawn_s": round(machine_drawn, 2)}
     found = {"blocks": len(made.trajectory)} | seconds_to

@@ -217,3 +217,38 @@ def test_faults_of_a_file_leave_the_machine_in_sight(guest: Person, jobs: Jobs) 
         guest["generate"].click()
         assert guest.ended() == "failed"
         api.expect(problem).to_be_in_viewport(ratio=0.5)
+
+
+# Texts of plots' titles that do not fit.
+CUT = """() => [...document.querySelectorAll(".plot h3 span")].filter((span) => {
+    const { left, right } = span.closest(".plot").getBoundingClientRect();
+    const place = span.getBoundingClientRect();
+    return place.left < left || place.right > right + 0.5;
+}).map((span) => span.textContent)"""
+
+
+def test_a_plot_is_enlarged(visitor: Person) -> None:
+    visitor["tab-plots"].click()
+    for view in ("errors", "speeds", "positions"):
+        visitor[f"plots-{view}"].click()
+        figures = visitor["plots"].locator("figure")
+        api.expect(figures.nth(1)).to_be_visible()
+        assert visitor.page.evaluate(CUT) == []
+    count, small = figures.count(), visitor["plot-c"].bounding_box()
+    visitor["enlarge-c"].click()
+    api.expect(figures).to_have_count(1)
+    large = visitor["plot-c"].bounding_box()
+    assert large["width"] * large["height"] > 5 * small["width"] * small["height"]
+    api.expect(visitor["enlarge-c"]).to_be_focused()
+    visitor.page.keyboard.press("Enter")
+    api.expect(figures).to_have_count(count)
+    api.expect(visitor["enlarge-c"]).to_be_focused()
+    visitor.keep("plots")
+
+
+def test_the_report_is_looked_at(visitor: Person) -> None:
+    with visitor.context.expect_page() as opened:
+        visitor["look-at-report"].click()
+    report = opened.value
+    report.wait_for_load_state()
+    assert report.url.endswith("/report.html") and report.locator("table").count() > 1

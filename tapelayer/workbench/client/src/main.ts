@@ -327,7 +327,9 @@ function drawHeader(loaded: Made | null): void {
     const texts = { t: `download.${what}`, title: `${t(`download.${what}.about`)} · ${of}` };
     return h("a", { href: loaded.url(what), download: fileName(loaded.job, what), testid, class: "button", ...texts });
   });
-  downloads.replaceChildren(...links);
+  const about = { title: `${t("report.look")} · ${of}`, "aria-label": t("report.look") };
+  const look = h("a", { href: loaded.url("report.html"), target: "_blank", testid: "look-at-report", class: "button", ...about }, "↗");
+  downloads.replaceChildren(look, ...links);
 }
 
 function clear(): void {

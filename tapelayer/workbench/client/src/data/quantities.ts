@@ -28,9 +28,22 @@ export function plain(value: number): string {
 /** The unit for display. */
 const written = (unit: string): string => unit.replace("m2", "m²");
 
+const MINUTE = 60;
+const HOUR = 3600;
+
+/** A duration in hours, minutes and seconds, as far as it has them. */
+export function lasting(seconds: number, digits: number): string {
+  if (!(seconds >= MINUTE)) return `${fixed(seconds, digits)} s`;
+  // Rounded first, so that no minute has sixty seconds; beside hours nobody reads parts of a second.
+  const whole = Number(seconds.toFixed(seconds < HOUR ? digits : 0));
+  const [hours, minutes] = [Math.floor(whole / HOUR), Math.floor((whole % HOUR) / MINUTE)];
+  return `${hours ? `${hours} h ` : ""}${minutes} min ${fixed(whole % MINUTE, hours ? 0 : digits)} s`;
+}
+
 /** A quantity of the report with its unit, or why it has no value. */
 export function shown(value: unknown, { absent, digits, style, unit }: Quantity): string {
   if (typeof value !== "number") return inWords(absent);
+  if (unit === "s" && style === "fixed") return lasting(value, digits);
   return `${fixed(value, style === "power" ? POWER : digits)} ${written(unit)}`.trimEnd();
 }
 
