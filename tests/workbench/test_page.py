@@ -855,6 +855,7 @@ def test_a_token_is_asked_for_and_kept_nowhere(browser: Any, tmp_path: Path) -> 
         person.leave()
 
 
+LONGEST_MS = 200
 TRACED = ["devtools.timeline", "disabled-by-default-devtools.timeline.frame"]
 # What runs scripts on the page's thread.
 SCRIPTS = {"FunctionCall", "EvaluateScript", "RunMicrotasks", "FireAnimationFrame", "TimerFire", "EventDispatch"}
@@ -884,7 +885,7 @@ def longest_script_ms(trace: bytes) -> tuple[float, float]:
 
 @pytest.mark.slow
 def test_a_hundred_thousand_blocks_stay_together(browser: Any, tmp_path: Path) -> None:
-    """Scrolls, plays and scrubs; how long scripts take is reported, and left to whoever reads it."""
+    """Scrolls, plays, scrubs, searches and translates: no frame's scripts take a processor 200 ms."""
     traces: dict[str, bytes] = {}
 
     @contextmanager
@@ -963,3 +964,4 @@ def test_a_hundred_thousand_blocks_stay_together(browser: Any, tmp_path: Path) -
     (SCREENSHOTS / "trace.json").write_text(report + "\n")
     for what, trace in traces.items():
         (SCREENSHOTS / f"trace-{what}.json").write_bytes(trace)
+    assert max(processor for _, processor in longest.values()) < LONGEST_MS

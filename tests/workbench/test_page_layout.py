@@ -110,6 +110,7 @@ def test_machine_and_verdict_are_seen_in_every_window(visitor: Person, width: in
             visitor["scene"].evaluate("(scene) => scroll(0, scene.getBoundingClientRect().top + scrollY - 90)")
         badge = visitor["verdict"].bounding_box()
         assert 0 <= badge["y"] and badge["y"] + badge["height"] <= height and badge["height"] > 20
+        api.expect(visitor["not-judged"]).to_be_in_viewport()
         assert visitor["scene"].evaluate(SHARE) > (0.35 if width < COLUMN_PX else 0.18)
         assert visitor.page.evaluate("document.documentElement.scrollWidth") <= width
         assert violations(visitor) == []
@@ -180,6 +181,7 @@ def test_everybody_can_use_it(guest: Person, jobs: Jobs, language: str, theme: s
     for link, tabs in ((jobs.done, ("plots", "ledger", "jobs")), (jobs.failed, ("verdict",))):
         guest.open(link)
         guest.made()
+        api.expect(guest["not-judged"]).to_be_in_viewport()
         for tab in tabs:
             guest[f"tab-{tab}"].click()
             assert violations(guest) == [], tab

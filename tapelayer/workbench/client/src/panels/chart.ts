@@ -246,7 +246,8 @@ export class ChartView {
       if (end < low || begin > high) continue;
       const left = plot.valToPos(Math.max(begin, low), "x", true);
       const right = plot.valToPos(Math.min(end, high), "x", true);
-      ctx.fillRect(left, bbox.top, Math.max(right - left, 1), bbox.height);
+      // Many that are thinner than a pixel shade it by their share of it.
+      ctx.fillRect(left, bbox.top, right - left, bbox.height);
     }
     ctx.restore();
   }
