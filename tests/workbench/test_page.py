@@ -444,7 +444,8 @@ def waves(count: int) -> bytes:
 def test_the_page_is_cleared(visitor: Person) -> None:
     def cleared() -> None:
         api.expect(visitor["verdict"]).not_to_be_visible()
-        api.expect(visitor["program"]).to_have_count(0)
+        api.expect(visitor["program"]).to_be_hidden()
+        assert visitor.program().count() == 0
         assert visitor.axes() == {} and visitor.text("clock-place") == ""
         assert visitor["download-setup"].count() == 0 and visitor["download-program"].get_attribute("href") is None
         assert visitor.page.url == f"{visitor.url}/"
