@@ -216,6 +216,21 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         """Return the NC text of a verified trajectory."""
         return program.write(planned, self.controller, self.provenance, self.levels())
 
+    def withheld(self, result: JobResult[Evidence], name: str) -> tuple[tuple[str, ...], Trajectory]:
+        """Return the lines of a program that failed, to be read by people, and its motion with their numbers.
+
+        Args:
+            result: of this job.
+            name: of the program, for messages.
+
+        Raises:
+            TapelayerError: the control has no words for a motion that failed as it was planned.
+        """
+        if result.text:
+            return tuple(result.text.decode().splitlines()), result.trajectory
+        lines = program.withheld(result.trajectory, self.controller, self.provenance, self.levels())
+        return lines, self.read_back("\n".join(lines).encode() + b"\n", name).trajectory
+
     def read_back(self, text: bytes, name: str) -> reader.Program:
         """Return the program in an NC text.
 

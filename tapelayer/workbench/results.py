@@ -25,6 +25,11 @@ FILES = {
     "report.html": ("report.html", "text/html", "Show the report as a page."),
     "trajectory": ("trajectory.txt", "text/plain", "Show the gun's poses in the part's frame (spray)."),
     "urdf": ("machine.urdf", "application/xml", "Show the machine's URDF."),
+    "withheld": (
+        "withheld.json",
+        "application/json",
+        "Show the lines of a program that was judged bad: to be read, and no file to be run.",
+    ),
     "blocks": ("blocks.json", "application/json", "Show line, course, kind and event of each row of the poses."),
 }
 TABLES = {

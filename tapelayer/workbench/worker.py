@@ -30,6 +30,7 @@ from tapelayer.jobs.job import JobResult, MachineJob
 from tapelayer.jobs.kind import JobKind
 from tapelayer.jobs.kinds import kind_of, kinds
 from tapelayer.jobs.stages import READING, SAVING, Weights
+from tapelayer.motion.trajectory import Trajectory
 from tapelayer.setups.sections import parse_setup
 from tapelayer.workbench import problems, scene
 from tapelayer.workbench.problems import Problem
@@ -37,6 +38,9 @@ from tapelayer.workbench.solving import Way, solve
 
 Say = Callable[[Mapping[str, Any]], None]
 
+# What stands before the lines of a program that failed.
+WATERMARK = "FAILED: withheld, not to be run"
+WITHHELD = "withheld.json"
 LINE_SECONDS = 0.05  # shortest time between two lines about the same stage
 
 
@@ -108,7 +112,10 @@ def carry_out(folder: Path, say: Say) -> dict[str, Any]:
     report = result.report()
     contents = {"report.json": result.report_file(), "report.html": result.page_file(name)}
     if not verifying:
-        drawn = scene.files(kind.scene(result, on), result.trajectory, job.machine)
+        lines, trajectory = _withheld(job, result, name) if result.failure else ((), result.trajectory)
+        if lines:
+            contents[WITHHELD] = json.dumps({"withheld": WATERMARK, "lines": lines}).encode()
+        drawn = scene.files(kind.scene(result, on), trajectory, job.machine)
         contents |= drawn | _results(folder, job, result)
     _save(folder / "out", contents)
     summary = _summary(kind, job, result, report)
@@ -164,6 +171,14 @@ def _results(folder: Path, job: MachineJob[Any, Any], result: JobResult[Any]) ->
     if not result.failure:
         contents["program.nc"] = result.text
     return contents
+
+
+def _withheld(job: MachineJob[Any, Any], result: JobResult[Any], name: str) -> tuple[tuple[str, ...], Trajectory]:
+    """Return the lines of a program that failed, and its motion; no lines where the control has no words for it."""
+    try:
+        return job.withheld(result, name)
+    except TapelayerError:
+        return (), result.trajectory
 
 
 def _save(folder: Path, contents: Mapping[str, bytes]) -> None:

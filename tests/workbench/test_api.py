@@ -187,8 +187,8 @@ def test_what_a_job_lists_is_what_it_has(
     client: Client, laid: dict[str, Any], sprayed: dict[str, Any], judged_bad: dict[str, Any]
 ) -> None:
     for job, missing in (
-        (laid, {"trajectory", "part", "coat"}),
-        (sprayed, {"tape"}),
+        (laid, {"withheld", "trajectory", "part", "coat"}),
+        (sprayed, {"withheld", "tape"}),
         (judged_bad, {"program", "trajectory", "part", "coat"}),
     ):
         assert set(results.RESULTS) - set(job["results"]) == missing
@@ -247,6 +247,9 @@ def test_a_program_judged_bad_is_withheld(client: Client, judged_bad: dict[str, 
     assert (judged_bad["state"], judged_bad["error"]["code"]) == ("failed", "verification-failed")
     assert judged_bad["summary"]["passed"] is False and judged_bad["summary"]["failures"] > 0
     problem = assert_problem(client.result(job, "program"), "program-withheld", 409)
+    withheld = client.result(job, "withheld")
+    assert withheld.headers["content-type"] == "application/json"
+    assert withheld.json()["withheld"].startswith("FAILED") and withheld.json()["lines"]
     assert problem["failures"] == judged_bad["error"]["failures"]
     report = client.result(job, "report.json").json()
     assert report["passed"] is False and report["failures"][0] == problem["failures"][0]

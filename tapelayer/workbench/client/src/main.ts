@@ -54,6 +54,7 @@ layout.header.append(
   badge,
   downloads,
   h("button", { type: "button", testid: "clear", t: "clear", tTitle: "clear.about", onclick: () => clear() }),
+  layout.folds,
   h("button", { type: "button", testid: "help", t: "help", onclick: () => help.showModal() }),
   settings,
 );
@@ -122,10 +123,15 @@ async function furnish(): Promise<void> {
   ];
   idle = (kind) => scene.idle(kind);
   startShortcuts(clock, {
-    search: () => program.openSearch(),
+    search() {
+      layout.reveal("program");
+      program.openSearch();
+    },
     generate: () => void generate(),
     help: () => help.showModal(),
     tab: layout.showTab,
+    fold: layout.fold,
+    fill: layout.fill,
   });
   addEventListener("hashchange", () => {
     const id = fromAddress();
@@ -231,10 +237,14 @@ async function generate(): Promise<void> {
   if (running.busy) return;
   if (!input.source) {
     notice.show({ type: "", title: "", status: 0, code: "no-file", detail: t("problem.no-file.detail") });
+    layout.reveal("left");
     input.askForFile();
     return;
   }
-  if (!form.check()) return;
+  if (!form.check()) {
+    layout.reveal("left");
+    return;
+  }
   notice.clear();
   try {
     sent = now();
@@ -331,7 +341,9 @@ function drawHeader(loaded: Made | null): void {
     const texts = { t: `download.${what}`, title: `${t(`download.${what}.about`)} · ${of}` };
     return h("a", { href: loaded.url(what), download: fileName(loaded.job, what), testid, class: "button", ...texts });
   });
-  downloads.replaceChildren(...links);
+  const about = { title: `${t("report.look")} · ${of}`, "aria-label": t("report.look") };
+  const look = h("a", { href: loaded.url("report.html"), target: "_blank", testid: "look-at-report", class: "button", ...about }, "↗");
+  downloads.replaceChildren(look, ...links);
 }
 
 function clear(): void {

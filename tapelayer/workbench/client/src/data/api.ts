@@ -298,7 +298,7 @@ export async function jobSetup({ id, kind }: Job): Promise<SetupValues> {
 export async function load(made: Job): Promise<Made> {
   const path = `/jobs/${made.id}`;
   const { kind } = made;
-  const [report, poses, blocks, changed, schema, told, { limits }, program] = await Promise.all([
+  const [report, poses, blocks, changed, schema, told, { limits }, program, withheld] = await Promise.all([
     askJson<Report>(`${path}/report.json`),
     table(made.id, "poses"),
     askJson<Blocks>(`${path}/blocks`),
@@ -308,6 +308,7 @@ export async function load(made: Job): Promise<Made> {
     askJson<{ limits: Record<string, Limit> }>(`${path}/limits`),
     // The server withholds a program that was judged bad.
     made.results.includes("program") ? ask(`${path}/program`).then((response) => response.text()) : null,
+    made.results.includes("withheld") ? askJson<{ lines: string[] }>(`${path}/withheld`) : null,
   ]);
   const tables = new Map<TableName, Promise<Table | null>>([["poses", Promise.resolve(poses)]]);
   const { quantities, not_judged: notJudged = [] } = told.find((each) => each.kind === kind)!;
@@ -322,7 +323,7 @@ export async function load(made: Job): Promise<Made> {
     quantities,
     notJudged,
     limits,
-    program,
+    program: program ?? withheld?.lines.join("\n") ?? null,
     url: (what) => `${ROOT}${path}/${what}`,
     table(name) {
       const found = tables.get(name) ?? (made.results.includes(name) ? table(made.id, name) : Promise.resolve(null));

@@ -167,6 +167,7 @@ export interface Made {
   quantities: Quantity[];
   /** Limits of the setup by the key of the quantity. */
   limits: Record<string, Limit>;
+  /** Text of the program, to be read only where it failed; null where it could not even be written. */
   program: string | null;
   url(what: "program" | "report.json" | "report.html" | "trajectory" | "setup" | "source" | "urdf"): string;
   table(name: TableName): Promise<Table | null>;

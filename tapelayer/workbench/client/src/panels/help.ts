@@ -18,6 +18,8 @@ const KEYS: [keys: string, key: string][] = [
   ["Ctrl F", "search"],
   ["Ctrl Enter", "generate"],
   ["1 2 3 4", "tabs"],
+  ["I N T", "fold"],
+  ["M", "fill"],
   ["?", "help"],
   ["Esc", "close"],
 ];
@@ -64,6 +66,7 @@ export function createHelp(): HTMLDialogElement {
       ),
     ),
     h("section", {}, h("h3", { t: "help.keys" }), h("table", { class: "words keys" }, h("tbody", {}, ...keys))),
+    h("section", {}, h("h3", { t: "scene.machine" }), h("p", { t: "scene.hands" })),
     h("p", {}, h("a", { href: "/docs", target: "_blank", t: "help.api" })),
   );
   translateAll(element);

@@ -1,5 +1,5 @@
 import { compareJobs, deleteJob, jobs, noteJob, restoreJob, underWay } from "../data/api";
-import { duration } from "../data/quantities";
+import { lasting } from "../data/quantities";
 import { h } from "../elements";
 import { problemTitle, t } from "../i18n";
 import type { Job } from "../data/types";
@@ -108,7 +108,7 @@ export function createJobList(root: HTMLElement, open: (id: string) => void, rem
       name: link,
       kind: t(`kind.${job.kind}`),
       state: stateText(job),
-      duration: job.summary ? duration(job.summary.duration_s, t) : "",
+      duration: job.summary ? lasting(job.summary.duration_s, 0) : "",
       blocks: job.summary ? String(job.summary.blocks) : "",
       input,
       note: noteOf(job),

@@ -40,7 +40,7 @@ export function createNotice(root: HTMLElement): Notice {
       h(
         "div",
         { class: "problem", testid: "problem", tabindex: 0, "data-code": current.code },
-        h("header", {}, h("strong", {}, problemTitle(current)), code, close),
+        h("div", { class: "problem-head" }, h("strong", {}, problemTitle(current)), code, close),
         ...sentences(current),
         ...reference,
         ...(remaining ? [h("p", { class: "about former" }, t("problem.former", { name: remaining }))] : []),
@@ -52,6 +52,7 @@ export function createNotice(root: HTMLElement): Notice {
     current = problem;
     remaining = former;
     draw();
+    root.firstElementChild!.scrollIntoView({ block: "nearest" });
   };
 
   const clear = (): void => {
