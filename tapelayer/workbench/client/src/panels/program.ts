@@ -375,8 +375,11 @@ class ProgramView implements ProgramPanel {
     }
     const { doc } = editor.state;
     const range = EditorSelection.range(doc.line(stretch.to).to, doc.line(stretch.from).from);
-    const scroll = EditorView.scrollIntoView(range.head, { y: "start", yMargin: 2 * editor.defaultLineHeight });
-    editor.dispatch({ selection: range, effects: [choose.of(stretch), scroll] });
+    const effects: StateEffect<unknown>[] = [choose.of(stretch)];
+    // Where the machine stands on the course, its line is the one to see.
+    const there = this.made!.blocks.courses[this.clock.row] === course;
+    if (!there) effects.push(EditorView.scrollIntoView(range.head, { y: "start", yMargin: 2 * editor.defaultLineHeight }));
+    editor.dispatch({ selection: range, effects });
   }
 
   private async copied(): Promise<void> {
