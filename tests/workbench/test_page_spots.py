@@ -9,13 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+from post import reader
+from post.controllers import load
 from tapelayer.arrays import Floats
 from tapelayer.courses.course_file import parse_courses
 from tapelayer.geometry.curves import Curve
+from tapelayer.jobs.job import machine_of
 from tapelayer.laying.placing import courses_in_machine
-from tests.helpers.browsing import Person, api, chromium
+from tapelayer.motion.time_law import Limits
+from tapelayer.motion.trajectory import Event
+from tapelayer.setups.sections import parse_setup
+from tapelayer.spraying.settings import SpraySetup
+from tests.helpers.browsing import Camera, Person, api, chromium
 from tests.helpers.served import Workbench
 from tests.workbench.test_page import COURSES, EXAMPLE, Made, assert_on_the_way
+from urdf import SPRAYER
 
 pytestmark = pytest.mark.browser
 
@@ -37,11 +45,13 @@ def workbench(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterato
         yield workbench
 
 
-def made_by(browser: Any, workbench: Workbench, example: str) -> Person:
+def made_by(browser: Any, workbench: Workbench, example: str, **footprint: object) -> Person:
     person = Person(browser, workbench.url)
     person.open()
     person["example-select"].select_option(example)
     person.see("file-name", example)
+    if footprint:
+        person.fill("footprint", **footprint)
     assert person.generate() == "done"
     person.made()
     return person
@@ -56,50 +66,9 @@ def laid(browser: Any, workbench: Workbench) -> Iterator[Person]:
 
 @pytest.fixture(scope="module")
 def sprayed(browser: Any, workbench: Workbench) -> Iterator[Person]:
-    person = made_by(browser, workbench, "curved_panel.stl")
+    person = made_by(browser, workbench, "curved_panel.stl", rate_mm3_per_s=60)
     yield person
     person.leave()
-
-
-class Camera:
-    """What the view shows where, once it is at rest."""
-
-    def __init__(self, person: Person) -> None:
-        self.person = person
-        self.still()
-
-    def still(self) -> None:
-        """Wait until nothing is drawn any more."""
-        scene, drawn = self.person["scene"], ""
-        while drawn != (drawn := scene.get_attribute("data-frames")):
-            self.person.page.wait_for_timeout(1200)
-
-    def pixel(self, place: Floats) -> tuple[float, float]:
-        """Where a place (3,) in metres in `machine` is seen on the page."""
-        scene = self.person["scene"]
-        matrix = np.array(scene.get_attribute("data-camera").split(), float).reshape(4, 4).T
-        x, y, _, w = matrix @ np.append(place, 1.0)
-        box = scene.bounding_box()
-        return box["x"] + (1 + x / w) / 2 * box["width"], box["y"] + (1 - y / w) / 2 * box["height"]
-
-    def pixel_size(self, place: Floats, way: Floats) -> float:
-        """Millimetres in a way (3,) that a pixel covers at a place."""
-        step = np.subtract(self.pixel(place + 1e-3 * way), self.pixel(place))
-        return 1.0 / float(np.hypot(*step))
-
-    def approach(self, place: Floats) -> None:
-        """Zoom in on a place."""
-        self.person.page.mouse.move(*self.pixel(place))
-        for _ in range(25):
-            self.person.page.mouse.wheel(0, -200)
-        self.still()
-
-    def point_at(self, place: Floats) -> None:
-        """Point at a place."""
-        x, y = self.pixel(place)
-        self.person.page.mouse.move(x - 3, y)
-        self.person.page.mouse.move(x, y)
-        self.person.page.wait_for_timeout(400)
 
 
 class Places:
@@ -197,3 +166,135 @@ def test_tape_behind_the_head_is_not_met_through_it(laid: Person) -> None:
         laid.keep(f"head-{'hidden' if hidden else 'shown'}")
         assert laid["scene-label"].is_visible() is hidden
         laid["hide-head"].click()
+
+
+class Sprayed:
+    """What a spray job made, by the program's own text, and the coat as the server tells it.
+
+    Attributes:
+        machine: the robot.
+        moves: the blocks of the program.
+        gun: (blocks, 3) working point at each block's end, metres.
+        lit: (blocks,) whether the gun sprays in each block.
+        samples: (n, 3) points of the surface, metres.
+        thickness: (n,) of the finished coat, micrometres.
+    """
+
+    def __init__(self, person: Person) -> None:
+        path = f"/api/v1/jobs/{person.job()}"
+        self.setup = parse_setup(person.get(f"{path}/setup").body(), "setup.toml", SpraySetup)
+        self.machine = machine_of(self.setup, SPRAYER)
+        # The standoff is set by hand.
+        self.axes = [axis for axis in self.machine.axes if axis.name != "standoff"]
+        controller, limits = load(self.setup.output.controller), Limits.of(self.axes)
+        text = person.get(f"{path}/program").body()
+        names = tuple(axis.name for axis in self.axes)
+        self.moves = reader.read(text, controller, names, limits, "a.nc").trajectory
+        # Before every axis is stated, the gun is nowhere known.
+        stated = np.isfinite(self.moves.positions).all(axis=1)
+        self.gun = np.full((len(stated), 3), np.nan)
+        self.gun[stated] = self.place(self.moves.positions[stated])
+        switched = np.where(self.moves.events == Event.ARC_ON, 1, 0) - np.where(
+            self.moves.events == Event.ARC_OFF, 1, 0
+        )
+        self.lit = (np.cumsum(switched) > 0) & (self.moves.events == Event.NONE)
+        answer = person.get(f"{path}/coat")
+        assert answer.headers["x-unit"] == "um"
+        rows = (
+            np.frombuffer(answer.body(), "<f4").reshape(-1, len(answer.headers["x-columns"].split(","))).astype(float)
+        )
+        self.samples, self.thickness = rows[:, :3] / 1e3, rows[:, -1]
+
+    def place(self, joints: Floats) -> Floats:
+        """Working point (n, 3) in metres at axis values (n, 5)."""
+        values = np.zeros((len(joints), len(self.machine.axes)))
+        values[:, [self.machine.names.index(axis.name) for axis in self.axes]] = joints
+        poses: Floats = self.machine.forward_all(values, ("P",))["P"]
+        return poses[:, :3, 3]
+
+    def distances(self, place: Floats) -> Floats:
+        """Distance (blocks,) of a place from the way of each block with the gun on, metres."""
+        begin, end = self.gun[:-1], self.gun[1:]
+        way = end - begin
+        share = np.einsum("ij,ij->i", place - begin, way) / np.maximum(np.einsum("ij,ij->i", way, way), 1e-18)
+        off = np.linalg.norm(begin + np.clip(share, 0, 1)[:, None] * way - place, axis=1)
+        return np.append(np.inf, np.where(self.lit[1:], off, np.inf))
+
+
+@pytest.mark.parametrize("share", [0.3, 0.62])
+def test_a_place_on_the_coat_tells_its_thickness_and_its_pass(sprayed: Person, share: float) -> None:
+    made = Sprayed(sprayed)
+    sprayed["view-top"].click()
+    sprayed["view-fit"].click()
+    low, high = made.samples.min(axis=0), made.samples.max(axis=0)
+    wanted = low + np.array([share, 1 - share, 1]) * (high - low)
+    sample = int(np.argmin(np.linalg.norm((made.samples - wanted)[:, :2], axis=1)))
+    place = made.samples[sample]
+    sprayed["clock-place"].click()
+    sprayed.page.keyboard.press("End")
+    camera = Camera(sprayed)
+    camera.approach(place)
+    camera.point_at(place)
+    told = re.fullmatch(
+        r"pass (\d+), point (\d+)\n([\d.]+) mm along, ([\d.]+) mm to the (?:left|right)\n"
+        r"block (\d+), line (\d+)\nthickness ([\d.]+) µm",
+        sprayed.text("scene-label"),
+    )
+    assert told, sprayed.text("scene-label")
+    assert float(told[7]) == pytest.approx(made.thickness[sample], rel=0.01)
+    row, distances = int(told[5]) - 1, made.distances(place)
+    assert (made.moves.lines[row], made.moves.courses[row]) == (int(told[6]), int(told[1]) - 1)
+    assert abs(1e3 * distances[row] - float(told[4])) < 1.0
+    assert distances[row] <= np.min(distances) + 1e-3
+    sprayed.page.mouse.click(*camera.pixel(place))
+    sprayed.see("clock-place", re.compile(rf"^block {row + 1} of .* line {told[6]} .*pass {told[1]}"))
+    api.expect(sprayed["course-select"]).to_have_value(told[1])
+    values = np.array([[float(sprayed.axes()[axis.name]) for axis in made.axes]])
+    there = made.place(np.where([axis.revolute for axis in made.axes], np.radians(values), values / 1e3))[0]
+    assert abs(1e3 * np.linalg.norm(there - place) - float(told[4])) < 1.5
+    sprayed.keep(f"spot-coat-{share}")
+    # Before the gun came, there is nothing to go to.
+    sprayed["clock-place"].click()
+    sprayed.page.keyboard.press("Home")
+    camera.still()
+    camera.point_at(place)
+    assert sprayed.text("scene-label") == "no coat yet"
+    sprayed.page.mouse.click(*camera.pixel(place))
+    api.expect(sprayed["spot"]).to_be_hidden()
+
+
+def test_the_coat_s_scale_is_set(sprayed: Person) -> None:
+    made = Sprayed(sprayed)
+    sprayed["view-top"].click()
+    sprayed["view-fit"].click()
+    sprayed["clock-place"].click()
+    sprayed.page.keyboard.press("End")
+    mean = float(np.mean(made.thickness))
+
+    def coloured() -> tuple[int, int, int]:
+        """Pixels that are pale blue, between, and red."""
+        camera.still()
+        picture = sprayed.picture("scene")[60:, 230:]
+        red, green, blue = np.moveaxis(picture, 2, 0)
+        over = (red > 2 * green) & (red > 2 * blue) & (red > 90)
+        under = (blue > 1.1 * green) & (green > 1.15 * red) & (blue > 130)
+        between = (green > 1.3 * red) & (green > 1.1 * blue)
+        return int(under.sum()), int(between.sum()), int(over.sum())
+
+    camera = Camera(sprayed)
+    sprayed.see("legend", "under the mean − 20 %")
+    assert coloured()[1] > 5000
+    for target, words, most in ((3 * mean, "under the target − 10 %", 0), (mean / 3, "over the target + 10 %", 2)):
+        sprayed["coat-span"].fill("10")
+        sprayed["coat-target"].fill(f"{target:.3f}")
+        sprayed["coat-target"].press("Enter")
+        sprayed.see("legend", words)
+        counts = coloured()
+        sprayed.keep(f"coat-scale-{most}")
+        assert counts[most] > 5000 and counts[most] > 20 * counts[2 - most], (target, counts)
+    sprayed["language"].select_option("zh")
+    sprayed.see("legend", "目标值 + 10 %")
+    sprayed["language"].select_option("en")
+    sprayed["coat-target"].fill("")
+    sprayed["coat-target"].press("Enter")
+    sprayed.see("legend", "over the mean + 10 %")

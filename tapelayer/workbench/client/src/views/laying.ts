@@ -2,7 +2,7 @@ import { Box3, Group } from "three";
 import type { Raycaster } from "three";
 import type { Made, Table } from "../data/types";
 import { t } from "../i18n";
-import { ERRORS, inDigits, legend } from "./legend";
+import { ERRORS, inDigits, legend, scaleOf } from "./legend";
 import { Ribbons } from "./ribbons";
 import { type Spot, Track } from "./spot";
 import { type Colouring, numberOf, partOf, type Work } from "./work";
@@ -76,7 +76,7 @@ export class Laying implements Work {
     this.ribbons.colourBy(this.errors.column("time_s"), errors, most, limit);
     const ticks = [0, most / 2, most].map(inDigits);
     const notes: Record<string, string> = greatest <= limit ? {} : { beyond: t("scene.beyond") };
-    return legend(ERRORS, { title: t("scene.error"), ticks, notes });
+    return legend(scaleOf(ERRORS, { title: t("scene.error"), ticks, notes }));
   }
 
   dispose(): void {

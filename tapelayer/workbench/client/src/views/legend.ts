@@ -71,8 +71,13 @@ export interface Said {
   notes: Record<string, string>;
 }
 
-/** A labelled colour scale, with what else belongs below it. */
-export function legend(colours: Ramp, { title, ticks, notes }: Said, ...below: HTMLElement[]): HTMLElement {
+/** A labelled colour scale in its frame, with what else belongs below it. */
+export function legend(scale: HTMLElement, ...below: HTMLElement[]): HTMLElement {
+  return h("div", { class: "scene-legend", testid: "legend" }, scale, ...below);
+}
+
+/** A labelled colour scale. */
+export function scaleOf(colours: Ramp, { title, ticks, notes }: Said): HTMLElement {
   const bar = h("canvas", { width: STEPS, height: 1, "aria-hidden": "true" });
   const context = bar.getContext("2d");
   if (context) {
@@ -84,5 +89,5 @@ export function legend(colours: Ramp, { title, ticks, notes }: Said, ...below: H
   }
   const scale = h("div", { class: "ticks" }, ...ticks.map((tick) => h("span", {}, tick)));
   const named = Object.entries(notes).map(([name, note]) => h("span", { class: name }, note));
-  return h("div", { class: "scene-legend", testid: "legend" }, h("span", {}, title), bar, scale, ...named, ...below);
+  return h("div", { class: "scale" }, h("span", {}, title), bar, scale, ...named);
 }

@@ -258,11 +258,8 @@ class ScenePicture implements ScenePanel {
   }
 
   private colour(): void {
-    const focused = document.activeElement instanceof HTMLElement ? document.activeElement.dataset["testid"] : undefined;
-    const scale = this.stage?.colour(this.colouring.value as Colouring, () => this.colour());
+    const scale = this.stage?.colour(this.colouring.value as Colouring, () => this.view.draw());
     this.legends.replaceChildren(...(scale ? [scale] : []));
-    // The fields of the scale that was replaced may have had the focus.
-    if (focused) this.legends.querySelector<HTMLElement>(`[data-testid="${focused}"]`)?.focus();
     this.view.draw();
   }
 

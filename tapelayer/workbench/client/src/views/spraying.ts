@@ -3,7 +3,7 @@ import type { Raycaster } from "three";
 import type { Made, Table } from "../data/types";
 import { h } from "../elements";
 import { t } from "../i18n";
-import { COAT, inDigits, legend } from "./legend";
+import { COAT, inDigits, legend, scaleOf } from "./legend";
 import type { Machine3D } from "./machine3d";
 import type { Motion } from "./motion";
 import { type Spot, Track } from "./spot";
@@ -96,25 +96,21 @@ export class Spraying implements Work {
   colour(_by: Colouring, changed: () => void): HTMLElement | null {
     const { coat } = this;
     if (!coat) return null;
-    const { low, mean, high, unit, centre } = coat;
-    const span = inPercent(coat.span);
-    const around = t(centre === mean ? "scene.mean" : "scene.target");
-    const ticks = [`${inDigits(low)}\n−${span} %`, `${inDigits(centre)}\n${around}`, `${inDigits(high)}\n+${span} %`];
-    const notes = {
-      bare: t("scene.bare"),
-      under: t("scene.under", { around, span }),
-      beyond: t("scene.over", { around, span }),
-    };
+    let scale = scaleOfCoat(coat);
     const set = (): void => {
       const [target, part] = [Number(middle.value), Number(sides.value) / 100];
       coat.scale(middle.value && target > 0 ? target : null, part > 0 && part <= 1 ? part : coat.span);
+      // The fields stay, since one of them has the focus.
+      const next = scaleOfCoat(coat);
+      scale.replaceWith(next);
+      scale = next;
       changed();
     };
-    const middle = number("coat-target", "scene.target.about", centre === mean ? "" : String(centre), set);
-    const sides = number("coat-span", "scene.span.about", span, set);
-    middle.placeholder = inDigits(mean);
+    const middle = number("coat-target", "scene.target.about", coat.centre === coat.mean ? "" : String(coat.centre), set);
+    const sides = number("coat-span", "scene.span.about", inPercent(coat.span), set);
+    middle.placeholder = inDigits(coat.mean);
     const fields = h("div", { class: "fields" }, h("label", {}, t("scene.target"), middle), h("label", {}, "± %", sides));
-    return legend(COAT, { title: t(`scene.thickness.${unit}`), ticks, notes }, fields);
+    return legend(scale, fields);
   }
 
   dispose(): void {
@@ -123,6 +119,18 @@ export class Spraying implements Work {
     this.part?.geometry.dispose();
     this.cone?.geometry.dispose();
   }
+}
+
+function scaleOfCoat({ low, mean, high, unit, centre, span: share }: Coat): HTMLElement {
+  const span = inPercent(share);
+  const around = t(centre === mean ? "scene.mean" : "scene.target");
+  const ticks = [`${inDigits(low)}\n−${span} %`, `${inDigits(centre)}\n${around}`, `${inDigits(high)}\n+${span} %`];
+  const notes = {
+    bare: t("scene.bare"),
+    under: t("scene.under", { around, span }),
+    beyond: t("scene.over", { around, span }),
+  };
+  return scaleOf(COAT, { title: t(`scene.thickness.${unit}`), ticks, notes });
 }
 
 const inPercent = (share: number): string => String(Number((100 * share).toFixed(3)));

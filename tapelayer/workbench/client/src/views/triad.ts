@@ -16,7 +16,7 @@ export class Triad {
   private readonly arms = AXES.map(([name, axis]) => {
     const [line, text] = [drawn("line", {}), drawn("text", {})];
     const arm = drawn("g", { class: `axis-${name}`, "data-testid": `triad-${name}` });
-    text.textContent = name.toUpperCase();
+    text.textContent = name;
     arm.append(line, text);
     return { arm, line, text, axis };
   });

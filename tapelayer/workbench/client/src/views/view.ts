@@ -214,6 +214,7 @@ export class View {
     const { projectionMatrix, matrixWorldInverse } = this.camera;
     this.canvas.dataset["camera"] = SEEN.multiplyMatrices(projectionMatrix, matrixWorldInverse).elements.join(" ");
     this.canvas.dataset["projection"] = this.way ? "parallel" : "perspective";
+    this.canvas.dataset["resting"] = String(!moving);
     this.canvas.dataset["frames"] = String(this.frames);
     this.canvas.dataset["drawMs"] = (performance.now() - began).toFixed(1);
   }
