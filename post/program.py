@@ -35,6 +35,7 @@ def write(
     controller: Controller,
     provenance: Provenance,
     levels: Mapping[Event, float] = MappingProxyType({}),
+    part: str = "course",
 ) -> bytes:
     """Return the NC text of a verified trajectory.
 
@@ -51,6 +52,7 @@ def write(
         provenance: the program's sources, for the header.
         levels: values that events carry, in the unit of the control (the arc's current in A); ignored where the
             control's table has no letter for them.
+        part: what the comments call the parts of the program: `course` or `pass`.
 
     Raises:
         NotWritable: the control lacks a word for an event, a number is beyond what it takes, a line would be too long,
@@ -78,7 +80,7 @@ def write(
     layout = _layout(trajectory, moves, pauses, 10**controller.codes.dwell_decimals)
     rows = _rows(trajectory, columns, circles, layout, feeds, starts, controller, levels)
     last = f"{controller.blocks.last_line}\n" if controller.blocks.last_line else ""
-    courses = [course_comment(trajectory.courses, block, controller) for block in starts.tolist()]
+    courses = [course_comment(trajectory.courses, block, controller, part) for block in starts.tolist()]
     text = body(rows, columns, circles, controller, courses)
     first = head(controller, provenance)
     before, after = comment_marks(controller)

@@ -100,8 +100,9 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
     controller: Controller
     provenance: Provenance
 
-    # Name of this kind of source.
+    # Name of this kind of source, and of the parts of a program.
     SOURCE: ClassVar[str]
+    PART: ClassVar[str]
 
     @property
     @abstractmethod
@@ -203,7 +204,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
 
     def text(self, planned: Verified[Evidence]) -> bytes:
         """Return the NC text of a verified trajectory."""
-        return program.write(planned, self.controller, self.provenance, self.levels())
+        return program.write(planned, self.controller, self.provenance, self.levels(), self.PART)
 
     def read_back(self, text: bytes, name: str) -> reader.Program:
         """Return the program in an NC text.

@@ -298,3 +298,16 @@ def test_the_coat_s_scale_is_set(sprayed: Person) -> None:
     sprayed["coat-target"].fill("")
     sprayed["coat-target"].press("Enter")
     sprayed.see("legend", "over the mean + 10 %")
+
+
+def test_a_spray_job_speaks_of_passes_alone(sprayed: Person) -> None:
+    for place in ("program", "course-select", "scene", "ledger", "verdict"):
+        told = " ".join([sprayed.text(place), sprayed[place].get_attribute("aria-label") or ""])
+        assert "course" not in told.lower(), place
+    first = sprayed["course-select"].locator("option")
+    assert (first.nth(0).text_content(), first.nth(1).text_content()) == ("Go to pass", "pass 1")
+    sprayed["course-select"].select_option("3")
+    api.expect(sprayed.program().locator(".nc-chosen").first).to_have_text(re.compile(r"^\(pass 3 of \d+\)$"))
+    sprayed["language"].select_option("zh")
+    assert first.nth(0).text_content() == "跳转到喷涂道次"
+    sprayed["language"].select_option("en")

@@ -392,6 +392,13 @@ def test_a_relative_coat_says_so_and_is_thinned_evenly(sprayed: SprayResult, mon
     assert np.max(np.min(away, axis=0)) < 2 * math.sqrt(300 * 120 / 200)
 
 
+def test_a_sprayed_program_is_one_of_passes(sprayed: SprayResult) -> None:
+    text, passes = sprayed.text.decode(), len(sprayed.job.pass_plan.passes)
+    titles = [line for line in text.splitlines() if line.startswith("(pass ")]
+    assert titles == [f"(pass {number} of {passes})" for number in range(1, passes + 1)]
+    assert "course" not in text
+
+
 def test_a_spray_scene_has_its_passes_and_part(sprayed: SprayResult) -> None:
     drawn = scene_of(sprayed)
     names = ("poses", "speeds", "errors", "points", "part", "coat")

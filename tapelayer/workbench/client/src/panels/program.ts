@@ -152,7 +152,7 @@ function stretchesOf({ courses, lines }: Blocks, text: string[]): Stretch[] {
   found.forEach((stretch, index) => {
     const before = found[index - 1]?.to ?? 0;
     for (let line = stretch.from - 1; line > before; line--) {
-      if (!/\bcourse\s+\d+/i.test(text[line - 1]!)) continue;
+      if (!/\b(course|pass)\s+\d+/i.test(text[line - 1]!)) continue;
       stretch.from = line;
       break;
     }
