@@ -35,6 +35,7 @@ def write(
     controller: Controller,
     provenance: Provenance,
     levels: Mapping[Event, float] = MappingProxyType({}),
+    part: str = "course",
 ) -> bytes:
     """Return the NC text of a verified trajectory.
 
@@ -51,13 +52,14 @@ def write(
         provenance: the program's sources, for the header.
         levels: values that events carry, in the unit of the control (the arc's current in A); ignored where the
             control's table has no letter for them.
+        part: what the comments call the parts of the program: `course` or `pass`.
 
     Raises:
         NotWritable: the control lacks a word for an event, a number is beyond what it takes, a line would be too long,
             or the blocks contradict themselves.
         ControllerRefused: the control has no address for one of the machine's axes.
     """
-    return _text(verified.trajectory, controller, provenance, levels)
+    return _text(verified.trajectory, controller, provenance, levels, part)
 
 
 def withheld(
@@ -65,6 +67,7 @@ def withheld(
     controller: Controller,
     provenance: Provenance,
     levels: Mapping[Event, float] = MappingProxyType({}),
+    part: str = "course",
 ) -> tuple[str, ...]:
     """Return the lines that `write` would give to a trajectory that failed: to be read, and no file to be run.
 
@@ -72,11 +75,11 @@ def withheld(
         NotWritable: as `write`.
         ControllerRefused: as `write`.
     """
-    return tuple(_text(trajectory, controller, provenance, levels).decode("ascii").splitlines())
+    return tuple(_text(trajectory, controller, provenance, levels, part).decode("ascii").splitlines())
 
 
 def _text(
-    trajectory: Trajectory, controller: Controller, provenance: Provenance, levels: Mapping[Event, float]
+    trajectory: Trajectory, controller: Controller, provenance: Provenance, levels: Mapping[Event, float], part: str
 ) -> bytes:
     """Return the NC text of a trajectory."""
     if not len(trajectory):
@@ -99,7 +102,7 @@ def _text(
     layout = _layout(trajectory, moves, pauses, 10**controller.codes.dwell_decimals)
     rows = _rows(trajectory, columns, circles, layout, feeds, starts, controller, levels)
     last = f"{controller.blocks.last_line}\n" if controller.blocks.last_line else ""
-    courses = [course_comment(trajectory.courses, block, controller) for block in starts.tolist()]
+    courses = [course_comment(trajectory.courses, block, controller, part) for block in starts.tolist()]
     text = body(rows, columns, circles, controller, courses)
     first = head(controller, provenance)
     before, after = comment_marks(controller)

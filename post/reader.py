@@ -24,7 +24,7 @@ from tapelayer.motion.time_law import Limits, by_feed_word, rapids, timed
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 
 _HEADER = re.compile(r"(tapelayer|source sha256:|setup sha256:|source:|controller:) *(.*)")
-_COURSE = re.compile(r"course +(\d{1,9})\b", re.IGNORECASE)
+_COURSE = re.compile(r"(?:course|pass) +(\d{1,9})\b", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +57,9 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
 
     A control begins in absolute positions and feed per minute. A straight block asks for the time given by the
     control's feed rule, a rapid for that of its slowest axis, ignoring axes not stated before; both take what the
-    control needs by its rule and the axes' accelerations. Courses come from the program's own comments (`course 3`);
-    without comments they are counted: a course begins with the first rapid between an end of laying (shoe up, arc off)
-    and the next beginning (shoe down, arc on), or at that beginning without such a rapid.
+    control needs by its rule and the axes' accelerations. Courses come from the program's own comments (`course 3`,
+    `pass 3`); without comments they are counted: a course begins with the first rapid between an end of laying (shoe
+    up, arc off) and the next beginning (shoe down, arc on), or at that beginning without such a rapid.
 
     Args:
         text: bytes of the program.

@@ -150,9 +150,9 @@ def head(controller: Controller, provenance: Provenance) -> bytes:
     return first.encode("ascii") + b"".join(_comment(line, controller) for line in lines)
 
 
-def course_comment(courses: np.ndarray, block: int, controller: Controller) -> bytes:
-    """Return the comment before a block that begins a course; `courses` (n,) holds each block's course."""
-    return _comment(f"course {courses[block] + 1} of {courses.max() + 1}", controller)
+def course_comment(courses: np.ndarray, block: int, controller: Controller, part: str) -> bytes:
+    """Return the comment before a block that begins a part, a course or a pass; `courses` (n,) holds each block's."""
+    return _comment(f"{part} {courses[block] + 1} of {courses.max() + 1}", controller)
 
 
 def _comment(text: str, controller: Controller) -> bytes:

@@ -101,8 +101,9 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
     controller: Controller
     provenance: Provenance
 
-    # Name of this kind of source.
+    # Name of this kind of source, and of the parts of a program.
     SOURCE: ClassVar[str]
+    PART: ClassVar[str]
 
     @property
     @abstractmethod
@@ -214,7 +215,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
 
     def text(self, planned: Verified[Evidence]) -> bytes:
         """Return the NC text of a verified trajectory."""
-        return program.write(planned, self.controller, self.provenance, self.levels())
+        return program.write(planned, self.controller, self.provenance, self.levels(), self.PART)
 
     def withheld(self, result: JobResult[Evidence], name: str) -> tuple[tuple[str, ...], Trajectory]:
         """Return the lines of a program that failed, to be read by people, and its motion with their numbers.
@@ -228,7 +229,7 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         """
         if result.text:
             return tuple(result.text.decode().splitlines()), result.trajectory
-        lines = program.withheld(result.trajectory, self.controller, self.provenance, self.levels())
+        lines = program.withheld(result.trajectory, self.controller, self.provenance, self.levels(), self.PART)
         return lines, self.read_back("\n".join(lines).encode() + b"\n", name).trajectory
 
     def read_back(self, text: bytes, name: str) -> reader.Program:

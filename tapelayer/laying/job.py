@@ -47,6 +47,7 @@ class Job(MachineJob[None, Evidence]):
     courses: tuple[Course, ...]
 
     SOURCE = "course file"
+    PART = "course"
 
     @staticmethod
     def read(path: Path | str, setup: Setup, unit: str = "mm") -> Job:

@@ -36,6 +36,7 @@ TABLES = {
     "poses": "Show every axis at the end of each block, and between where a block is an arc.",
     "speeds": "Show the speed of each axis in the motion that ends in the row.",
     "errors": "Show what verification measured along the courses or passes.",
+    "points": "Show the arc length of every point of the courses or passes.",
     "tape": "Show the edges of the tape as it is laid, in `machine` axes (lay).",
     "part": "Show the part, or the mould that came along, as triangles in `machine` axes.",
     "coat": "Show the coat growing on the part: points in `machine` axes, thickness at X-Times (spray).",

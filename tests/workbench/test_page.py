@@ -341,26 +341,30 @@ def test_the_ledger_leads_to_its_courses(laid: Person, made: Made) -> None:
 
 
 def test_a_course_in_the_view_has_its_lines_selected(laid: Person, made: Made) -> None:
+    laid.page.keyboard.press("End")
     laid["view-top"].click()
     laid["view-fit"].click()
     canvas = laid["scene"].bounding_box()
-    label = laid.page.locator(".scene-label")
+    label = laid["scene-label"]
     met: dict[int, float] = {}
     for share in np.linspace(0.1, 0.9, 17):
         laid.page.mouse.move(canvas["x"] + canvas["width"] / 2, canvas["y"] + share * canvas["height"])
         laid.page.wait_for_timeout(150)
         if label.is_visible():
-            met.setdefault(int(label.text_content().removeprefix("course ")), share)
+            found = re.match(r"course (\d+), point \d+\n", label.text_content())
+            assert found
+            met.setdefault(int(found[1]), share)
     courses = list(met)
     assert len(courses) > 2 and courses in (sorted(courses), sorted(courses, reverse=True))
     number = courses[len(courses) // 2]
     laid.page.mouse.click(canvas["x"] + canvas["width"] / 2, canvas["y"] + met[number] * canvas["height"])
-    chosen = laid.program().locator(".nc-chosen")
-    title = f"(course {number} of {made.report['courses']})"
-    api.expect(chosen.first).to_have_text(title)
+    laid.see("clock-place", f"course {number}")
+    api.expect(laid["course-select"]).to_have_value(str(number))
+    first, last = made.course_rows(number)
+    begin, end = made.lines.index(f"(course {number} of {made.report['courses']})"), int(made.trajectory.lines[last])
+    assert begin < made.trajectory.lines[first]
+    api.expect(laid.program().locator(".nc-current")).to_be_in_viewport()
     lines = laid.page.evaluate(LINES)
-    begin, end = made.lines.index(title), int(made.trajectory.lines[made.course_rows(number)[1]])
-    assert [text for text, _ in lines].index(title) > 0
     assert {text for text, marked in lines if marked} == {text for text, _ in lines} & set(made.lines[begin:end])
     laid.keep("course-selected")
 

@@ -183,7 +183,7 @@ def test_flat_tape_is_as_long_and_wide_as_it_is_laid(degrees: tuple[float, float
     made = made_of([replace(flat_course(length=length, heading=heading), cut_angles=tuple(alpha))], setup_of())
     drawn = scene_of(made)
     rows = drawn.rows("tape")
-    left, right = rows[:, 2:5] / 1e3 - ORIGIN - [0.5, 0.5, 0.0], rows[:, 5:] / 1e3 - ORIGIN - [0.5, 0.5, 0.0]
+    left, right = rows[:, 2:5] / 1e3 - ORIGIN - [0.5, 0.5, 0.0], rows[:, 5:8] / 1e3 - ORIGIN - [0.5, 0.5, 0.0]
     along, across = (
         np.array([math.sin(heading), math.cos(heading), 0]),
         np.array([-math.cos(heading), math.sin(heading), 0]),
@@ -195,6 +195,10 @@ def test_flat_tape_is_as_long_and_wide_as_it_is_laid(degrees: tuple[float, float
     assert area == pytest.approx(length * width / 1e3, rel=2e-4)
     assert np.max(np.abs(np.concatenate([left, right])[:, 2])) < 1e-6
     assert np.min(left @ across - right @ across) > -1e-6
+    # Both points of a pair are where the pair is said to be along the course, and the left one across it.
+    for side in (left, right):
+        np.testing.assert_allclose(side @ along, drawn.column("tape", "arc_length_mm") / 1e3, atol=1e-6)
+    np.testing.assert_allclose(left @ across, drawn.column("tape", "left_mm") / 1e3, atol=1e-6)
     assert np.max(np.abs(np.concatenate([left, right]) @ across)) == pytest.approx(width / 2e3, abs=1e-6)
     # Ends of the cuts on both edges: the line at the angle, through the centre line at the course's end.
     for angle, place, pick in ((alpha[0], 0.0, np.min), (alpha[1], length, np.max)):
@@ -235,6 +239,14 @@ def test_tape_lies_on_the_surface_and_appears_under_the_nip(laid: LayingResult, 
         assert np.max(np.abs(middle[:, 0] - reached * math.sin(HEADING))) < 2e-5
         assert np.max(np.abs(RADIUS * angle - reached * math.cos(HEADING))) < 2e-5
         assert np.max(np.linalg.norm(np.diff(middle, axis=0), axis=1)) < 0.026
+
+
+def test_points_are_the_file_s(laid: LayingResult, drawn: Scene) -> None:
+    for course in laid.job.courses:
+        own = drawn.column("points", "course") == course.number
+        told = drawn.column("points", "arc_length_mm")[own] / 1e3
+        np.testing.assert_allclose(told, course.arc_lengths - course.arc_lengths[0], atol=1e-6)
+    assert drawn.told("points")["rows"] == sum(len(course.points) for course in laid.job.courses)
 
 
 def test_what_is_left_out_of_the_tape_is_near_to_straight_lines() -> None:
@@ -380,11 +392,17 @@ def test_a_relative_coat_says_so_and_is_thinned_evenly(sprayed: SprayResult, mon
     assert np.max(np.min(away, axis=0)) < 2 * math.sqrt(300 * 120 / 200)
 
 
+def test_a_sprayed_program_is_one_of_passes(sprayed: SprayResult) -> None:
+    text, passes = sprayed.text.decode(), len(sprayed.job.pass_plan.passes)
+    titles = [line for line in text.splitlines() if line.startswith("(pass ")]
+    assert titles == [f"(pass {number} of {passes})" for number in range(1, passes + 1)]
+    assert "course" not in text
+
+
 def test_a_spray_scene_has_its_passes_and_part(sprayed: SprayResult) -> None:
     drawn = scene_of(sprayed)
-    assert sorted(drawn.files) == sorted(
-        ["blocks.json", *(f"{n}.{e}" for n in ("poses", "speeds", "errors", "part", "coat") for e in ("f32", "json"))]
-    )
+    names = ("poses", "speeds", "errors", "points", "part", "coat")
+    assert set(drawn.files) == {"blocks.json", *(f"{name}.{end}" for name in names for end in ("f32", "json"))}
     assert drawn.told("poses")["columns"] == ["time_s", "x_mm", "y_mm", "z_mm", "theta_deg", "phi_deg"]
     passes = len(sprayed.job.pass_plan.passes)
     assert set(drawn.column("errors", "pass")) == set(range(1, passes + 1)) == set(drawn.blocks["courses"]) - {0}
@@ -395,6 +413,8 @@ def test_a_spray_scene_has_its_passes_and_part(sprayed: SprayResult) -> None:
     counted = drawn.column("errors", "beside_crease") == 0.0
     lean = np.nanmax(drawn.column("errors", "deviation_deg")[counted])
     assert lean == pytest.approx(report["max_deviation_deg"], rel=1e-6)
+    lengths = [one.path.arc_lengths for one in sprayed.job.pass_plan.passes]
+    np.testing.assert_allclose(drawn.column("points", "arc_length_mm") / 1e3, np.concatenate(lengths), atol=1e-6)
     corners = drawn.rows("part") / 1e3
     np.testing.assert_allclose(
         np.sort(corners, axis=0),

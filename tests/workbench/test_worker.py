@@ -29,7 +29,7 @@ from tests.helpers.paths import EXAMPLES, ROOT
 
 COURSES = EXAMPLES / "flat_panel_00.txt"
 PLENTY = 8 * 2**30
-TABLES = ("poses", "speeds", "errors")
+TABLES = ("poses", "speeds", "errors", "points")
 
 
 def ask(folder: Path, request: Mapping[str, Any], source: bytes, setup: str = "") -> Path:

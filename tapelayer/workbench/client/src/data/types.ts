@@ -85,7 +85,7 @@ export interface Table {
   column(column: string): Float32Array;
 }
 
-export type TableName = "poses" | "speeds" | "errors" | "tape" | "part" | "coat";
+export type TableName = "poses" | "speeds" | "errors" | "points" | "tape" | "part" | "coat";
 
 export interface Blocks {
   rows: number;

@@ -151,7 +151,7 @@ function stretchesOf({ courses, lines }: Blocks, text: string[]): Stretch[] {
   found.forEach((stretch, index) => {
     const before = found[index - 1]?.to ?? 0;
     for (let line = stretch.from - 1; line > before; line--) {
-      if (!/\bcourse\s+\d+/i.test(text[line - 1]!)) continue;
+      if (!/\b(course|pass)\s+\d+/i.test(text[line - 1]!)) continue;
       stretch.from = line;
       break;
     }
@@ -382,8 +382,11 @@ class ProgramView implements ProgramPanel {
     }
     const { doc } = editor.state;
     const range = EditorSelection.range(doc.line(stretch.to).to, doc.line(stretch.from).from);
-    const scroll = EditorView.scrollIntoView(range.head, { y: "start", yMargin: 2 * editor.defaultLineHeight });
-    editor.dispatch({ selection: range, effects: [choose.of(stretch), scroll] });
+    const effects: StateEffect<unknown>[] = [choose.of(stretch)];
+    // Where the machine stands on the course, its line is the one to see.
+    const there = this.made!.blocks.courses[this.clock.row] === course;
+    if (!there) effects.push(EditorView.scrollIntoView(range.head, { y: "start", yMargin: 2 * editor.defaultLineHeight }));
+    editor.dispatch({ selection: range, effects });
   }
 
   private async copied(): Promise<void> {

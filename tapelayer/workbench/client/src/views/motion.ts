@@ -17,10 +17,8 @@ const SWITCHES: Record<string, [on: string, off: string]> = {
   arc: ["arc_on", "arc_off"],
 };
 
-/** Index of the first value not below `value` among the first `count`, which are ascending. */
-export function lowerBound(ascending: ArrayLike<number>, value: number, count = ascending.length): number {
-  let low = 0;
-  let high = count;
+/** Index of the first value not below `value` from `low` up to `high`, between which they are ascending. */
+export function lowerBound(ascending: ArrayLike<number>, value: number, high = ascending.length, low = 0): number {
   while (low < high) {
     const middle = (low + high) >>> 1;
     if (ascending[middle]! < value) low = middle + 1;
