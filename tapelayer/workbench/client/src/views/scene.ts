@@ -101,6 +101,7 @@ class ScenePicture implements ScenePanel {
     this.colouring.hidden = true;
     const corner = h("div", { class: "scene-corner" }, this.told, h("div", { class: "scene-frame" }, this.spacing));
     corner.lastElementChild!.append(this.triad.element);
+    translateAll(corner);
     root.append(this.canvas, this.mark, this.nose, tools, this.legends, corner, this.label, this.message);
     this.view = new View(
       root,

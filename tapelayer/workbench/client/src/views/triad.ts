@@ -12,7 +12,7 @@ const LETTER = 0.84;
 
 /** The machine's directions as the camera sees them, with their letters. */
 export class Triad {
-  readonly element = drawn("svg", { class: "scene-triad", viewBox: "-1 -1 2 2", role: "img" });
+  readonly element = drawn("svg", { class: "scene-triad", viewBox: "-1 -1 2 2", role: "img", "data-t-label": "scene.directions" });
   private readonly arms = AXES.map(([name, axis]) => {
     const [line, text] = [drawn("line", {}), drawn("text", {})];
     const arm = drawn("g", { class: `axis-${name}`, "data-testid": `triad-${name}` });
