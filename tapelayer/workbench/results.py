@@ -33,7 +33,7 @@ FILES = {
     "blocks": ("blocks.json", "application/json", "Show line, course, kind and event of each row of the poses."),
 }
 TABLES = {
-    "poses": "Show every axis at the end of each block, and between where a block is an arc.",
+    "poses": "Show every axis at the end of each block, and between where it turns or changes its speed.",
     "speeds": "Show the speed of each axis in the motion that ends in the row.",
     "errors": "Show what verification measured along the courses or passes.",
     "points": "Show the arc length of every point of the courses or passes.",

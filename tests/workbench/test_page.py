@@ -133,12 +133,11 @@ def assert_on_the_way(person: Person, made: Made) -> float:
     moves = made.trajectory
     assert seconds(whole) == pytest.approx(moves.duration, abs=1.1e-3)
     rows = np.minimum(np.searchsorted(moves.times, times), len(moves) - 1)
-    shares = np.clip(1 - (moves.times[rows] - times) / np.maximum(moves.durations[rows], 1e-9), 0, 1)
-    values = made.shown(moves.within(rows, shares))
+    values = made.shown(moves.within(rows, moves.fractions(rows, times)))
     readout = np.array([float(person.axes()[name]) for name in made.machine.names])
-    # An arc is drawn by straight pieces that stay this close to it, mm.
-    arc = 0.05 if np.isin(moves.kinds[rows], (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)).any() else 0.0
-    doubts = 0.001 + arc + np.spacing(np.abs(readout).astype(np.float32)) + np.where(np.abs(readout) < EXACT, 0, 0.05)
+    # Arcs and ramps are drawn by straight pieces at even speeds that stay this close to them, mm or thousandths of rad.
+    bent = 0.05 * np.where(made.turning, np.degrees(1e-3), 1.0)
+    doubts = 0.001 + bent + np.spacing(np.abs(readout).astype(np.float32)) + np.where(np.abs(readout) < EXACT, 0, 0.05)
     assert (readout > values.min(axis=0) - doubts).all() and (readout < values.max(axis=0) + doubts).all()
     current = person.program().locator(".nc-current")
     api.expect(current).to_have_text(

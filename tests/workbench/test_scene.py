@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tapelayer.arrays import Floats
+from tapelayer.arrays import Floats, Ints
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import format_courses
 from tapelayer.geometry.mesh import Mesh
@@ -98,6 +98,11 @@ def sprayed(tmp_path_factory: pytest.TempPathFactory) -> SprayResult:
     return made
 
 
+def ends_of(drawn: Scene) -> Ints:
+    """Return the rows (n,) that end a line of the program, and the first."""
+    return np.flatnonzero(np.diff(drawn.blocks["lines"], append=-1))
+
+
 def test_rows_have_the_values_of_their_lines(laid: LayingResult, drawn: Scene) -> None:
     lines = laid.text.decode().splitlines()
     poses, names = drawn.rows("poses"), drawn.told("poses")["columns"]
@@ -105,8 +110,10 @@ def test_rows_have_the_values_of_their_lines(laid: LayingResult, drawn: Scene) -
         letter: names.index(next(n for n in names if n.startswith(f"{letter.lower()}_"))) for letter in "XYZCAUVDQE"
     }
     now = np.full(len(names), np.nan)
-    assert len(poses) == drawn.blocks["rows"] == len(laid.trajectory) + 1
-    for row, line in enumerate(drawn.blocks["lines"]):
+    assert len(poses) == drawn.blocks["rows"]
+    ends = ends_of(drawn)
+    assert len(ends) == len(laid.trajectory) + 1
+    for row, line in zip(ends, np.array(drawn.blocks["lines"])[ends], strict=True):
         for letter, value in re.findall(r"([A-Z])(-?\d+\.\d*)", lines[line - 1] if line else ""):
             if letter in letters:
                 now[letters[letter]] = float(value)
@@ -117,7 +124,11 @@ def test_rows_have_the_values_of_their_lines(laid: LayingResult, drawn: Scene) -
 
 
 def test_blocks_name_their_courses_kinds_and_events(laid: LayingResult, drawn: Scene) -> None:
-    blocks, found = drawn.blocks, laid.trajectory
+    blocks, found, ends = dict(drawn.blocks), laid.trajectory, ends_of(drawn)
+    for name in ("lines", "courses", "kinds", "events"):
+        # What a block is, it is in all its rows.
+        assert np.repeat(np.array(blocks[name])[ends], np.diff(ends, prepend=-1)).tolist() == blocks[name]
+        blocks[name] = np.array(blocks[name])[ends].tolist()
     assert [len(blocks[name]) for name in ("lines", "courses", "kinds", "events")] == 4 * [len(found) + 1]
     assert [blocks["kind_names"][kind] for kind in blocks["kinds"]] == [
         "start",
@@ -149,16 +160,41 @@ def test_the_roller_stands_on_the_course_in_every_row_that_lays(laid: LayingResu
     assert np.sum(laying) > 100 and np.all(np.diff(times) >= 0.0)
 
 
+def test_what_is_drawn_is_where_the_control_is_at_every_time(laid: LayingResult, drawn: Scene) -> None:
+    moves, times = laid.trajectory, drawn.column("poses", "time_s")
+    ramped = np.flatnonzero(moves.clock.ramps > 0.0) if moves.clock else []
+    assert len(ramped) > 20 and len(times) > len(moves) + len(ramped)
+    moments = np.linspace(0.0, moves.duration, 20001)
+    blocks = np.minimum(np.searchsorted(moves.times, moments), len(moves) - 1)
+    there = moves.within(blocks, moves.fractions(blocks, moments))
+    rows = np.column_stack([np.interp(moments, times, column) for column in drawn.joints().T])
+    stated = np.isfinite(there) & np.isfinite(rows)
+    assert np.mean(stated) > 0.9
+    # Times are in single precision: so much may pass at the greatest speed.
+    slack = np.spacing(np.float32(moves.duration)) * np.nanmax(np.abs(np.diff(there, axis=0)), axis=0) / moments[1]
+    assert np.all(np.nanmax(np.where(stated, np.abs(rows - there), 0.0), axis=0) <= scene.TOLERANCE + slack + 1e-6)
+
+
 def test_speeds_are_those_of_the_report(laid: LayingResult, drawn: Scene) -> None:
     feeding = np.array(drawn.blocks["kinds"]) == Kind.LINEAR
-    spans = laid.trajectory.durations[feeding[1:]]
+    rows = scene.TrajectoryRows.of(laid.trajectory, laid.job.machine)
+    block = rows.block[feeding[1:]]
+    shares: dict[str, float] = {}
+    ways = np.abs(np.nan_to_num(laid.trajectory.positions - laid.trajectory.begins(np.arange(len(laid.trajectory)))))
     for axis in laid.evidence.axes:
         unit, scale = ("deg", 1 / DEG) if axis.revolute else ("mm", 1 / MM)
         speeds = np.abs(drawn.column("speeds", f"{axis.name}_{unit}_per_s")[feeding])
         # Verification takes one written digit off every way.
         digit = laid.job.controller.resolution(axis.name) * scale
-        top = np.max(speeds - digit / spans, initial=0.0)
-        assert top == pytest.approx(axis.top_speed * scale, rel=1e-5, abs=1e-6)
+        way = ways[block, laid.trajectory.column(axis.name)] * scale
+        top = np.max(speeds * (1.0 - np.minimum(digit / np.maximum(way, digit), 1.0)), initial=0.0)
+        if axis.top_speed > 0.0:
+            shares[axis.name] = top / (axis.top_speed * scale)
+        else:
+            assert top == 0.0
+    # A row has the mean of its speeds, which is less than their peak where nothing goes on at that.
+    assert 0.7 < min(shares.values()) and max(shares.values()) < 1.0 + 1e-4
+    assert sum(share > 1.0 - 1e-4 for share in shares.values()) > 4
     assert drawn.told("speeds")["rows"] == drawn.told("poses")["rows"]
 
 
@@ -272,7 +308,7 @@ def test_circles_are_divided_as_far_as_they_have_to_be(radii: tuple[float, float
     on_arc = found.within(np.ones(len(dense), dtype=np.int64), dense)
     straight = np.column_stack([np.interp(1.0 + 3.0 * dense, times, rows[:, axis]) for axis in range(3)])
     off = np.max(np.linalg.norm(on_arc - straight, axis=1))
-    assert scene.ARC_TOLERANCE / 3 < off <= scene.ARC_TOLERANCE
+    assert scene.TOLERANCE / 3 < off <= scene.TOLERANCE
     np.testing.assert_array_equal(rows[-1], [*end, 0.2])
     np.testing.assert_allclose(np.diff(times[2:]), 3.0 / (len(times) - 3 + 1), rtol=1e-9)
     blocks = path.blocks(np.array([9]))
