@@ -30,7 +30,7 @@ FILES = {
         "application/json",
         "Show the lines of a program that was judged bad: to be read, and no file to be run.",
     ),
-    "blocks": ("blocks.json", "application/json", "Show line, course, kind and event of each row of the poses."),
+    "blocks": ("blocks.json", "application/json", "Show block, line, course, kind and event of each row of the poses."),
 }
 TABLES = {
     "poses": "Show every axis at the end of each block, and between where it turns or changes its speed.",

@@ -107,7 +107,7 @@ class TrajectoryRows:
         return SceneTable(tuple(f"{name}_per_s" for name in self.names), np.vstack([before, speeds]) * self.scales)
 
     def blocks(self, numbers: Ints) -> dict[str, Any]:
-        """Return the line, course, kind and event of each row.
+        """Return the block, line, course, kind and event of each row; blocks count from 1, and 0 is the start.
 
         Args:
             numbers: number of each course or pass, by its index.
@@ -117,6 +117,7 @@ class TrajectoryRows:
         courses = np.where(known, numbers[np.where(known, index, 0)], 0)
         return {
             "rows": len(self.times),
+            "blocks": [0, *(self.block + 1).tolist()],
             "lines": [0, *trajectory.lines[self.block].tolist()],
             "courses": [0, *courses.tolist()],
             "kinds": [START, *trajectory.kinds[self.block].tolist()],

@@ -99,8 +99,8 @@ def sprayed(tmp_path_factory: pytest.TempPathFactory) -> SprayResult:
 
 
 def ends_of(drawn: Scene) -> Ints:
-    """Return the rows (n,) that end a line of the program, and the first."""
-    return np.flatnonzero(np.diff(drawn.blocks["lines"], append=-1))
+    """Return the first row and those that end a block (n,)."""
+    return np.flatnonzero(np.diff(drawn.blocks["blocks"], append=-1))
 
 
 def test_rows_have_the_values_of_their_lines(laid: LayingResult, drawn: Scene) -> None:
@@ -124,6 +124,7 @@ def test_rows_have_the_values_of_their_lines(laid: LayingResult, drawn: Scene) -
 
 
 def test_blocks_name_their_courses_kinds_and_events(laid: LayingResult, drawn: Scene) -> None:
+    assert [drawn.blocks["blocks"][row] for row in ends_of(drawn)] == list(range(len(laid.trajectory) + 1))
     blocks, found, ends = dict(drawn.blocks), laid.trajectory, ends_of(drawn)
     for name in ("lines", "courses", "kinds", "events"):
         # What a block is, it is in all its rows.

@@ -89,6 +89,8 @@ export type TableName = "poses" | "speeds" | "errors" | "points" | "tape" | "par
 
 export interface Blocks {
   rows: number;
+  /** Numbers from 1, a block each; 0 is the start. */
+  blocks: number[];
   lines: number[];
   courses: number[];
   kinds: number[];
