@@ -62,13 +62,15 @@ def test_the_report_has_every_key(sprayed: Path) -> None:
     assert report["sprayed_area_m2"] == pytest.approx(0.0378, rel=0.01)
     assert report["unreachable"] == []
     assert report["mesh"]["facets"] == 120 and report["mesh"]["mended"]["duplicate_facets"] == 0
-    assert 0 < report["max_deviation_deg"] <= 15 and report["max_position_error_mm"] <= 0.05
+    assert 0 < report["max_deviation_deg"] <= 15 and report["max_position_error_mm"] <= 0.5
     assert report["crease_length_mm"] == 0 and report["max_crease_deviation_deg"] is None
     assert report["coverage_percent"] == pytest.approx(100.0)
     assert 0 < report["cv_interior_percent"] < report["cv_percent"] < 20
     assert set(report["thickness"]) == {"mean_um", "interior_mean_um", "least_um", "greatest_um"}
     assert set(report["axes"]) == {"x", "y", "z", "theta", "phi"}
     assert report["duration_s"] > report["arc_time_s"] > 6
+    assert report["duration_s"] > report["asked_s"] > report["sprayed_length_m"] / 0.3
+    assert report["time_law"] == "look_ahead"
 
 
 def test_the_page_stands_alone(sprayed: Path) -> None:
