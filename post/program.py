@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from post import arcs
 from post.columns import Column, columns_of, moving
 from post.controllers import Controller
-from post.rows import Layout, TextRows, body, comment_marks, course_comment, head
+from post.rows import Layout, TextRows, body, comment, comment_marks, head
 from post.words import rounded
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.errors import NotWritable
@@ -35,6 +35,7 @@ def write(
     controller: Controller,
     provenance: Provenance,
     levels: Mapping[Event, float] = MappingProxyType({}),
+    names: Sequence[str] = (),
 ) -> bytes:
     """Return the NC text of a verified trajectory.
 
@@ -51,6 +52,7 @@ def write(
         provenance: the program's sources, for the header.
         levels: values that events carry, in the unit of the control (the arc's current in A); ignored where the
             control's table has no letter for them.
+        names: of the courses or passes by index, for the comments that begin them; by default they are counted.
 
     Raises:
         NotWritable: the control lacks a word for an event, a number is beyond what it takes, a line would be too long,
@@ -78,7 +80,9 @@ def write(
     layout = _layout(trajectory, moves, pauses, 10**controller.codes.dwell_decimals)
     rows = _rows(trajectory, columns, circles, layout, feeds, starts, controller, levels)
     last = f"{controller.blocks.last_line}\n" if controller.blocks.last_line else ""
-    courses = [course_comment(trajectory.courses, block, controller) for block in starts.tolist()]
+    count = int(trajectory.courses.max(initial=-1)) + 1
+    names = names or [f"course {place} of {count}" for place in range(1, count + 1)]
+    courses = [comment(names[trajectory.courses[block]], controller) for block in starts.tolist()]
     text = body(rows, columns, circles, controller, courses)
     first = head(controller, provenance)
     before, after = comment_marks(controller)

@@ -1,7 +1,8 @@
 """Reader: NC text to a trajectory; written independently, it shares no formatting or rounding with the writer.
 
-It has four steps, each over all lines at once: `source` takes the comments out, `scan` reads letters and numbers,
-`blocks` carries the control's modes forward and interprets every line, and `motions` computes positions and distances.
+It has five steps, each over all lines at once: `source` takes the comments out, `scan` reads letters and numbers,
+`blocks` carries the control's modes forward and interprets every line, `capacity` judges what the control can take, and
+`motions` computes positions and distances.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from post.blocks import Blocks, blocks_of
+from post.capacity import check_capacity, check_exponents
 from post.controllers import Controller
 from post.controllers.table import AxisWord
 from post.motions import AxisPath, axis_path, circles_of, feeds_of, from_mm, lengths_of, where_moved
@@ -24,7 +26,22 @@ from tapelayer.motion.time_law import Limits, by_feed_word, rapids, timed
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 
 _HEADER = re.compile(r"(tapelayer|source sha256:|setup sha256:|source:|controller:) *(.*)")
-_COURSE = re.compile(r"course +(\d{1,9})\b", re.IGNORECASE)
+_MARK = re.compile(r"(?:course|pass) +([0-9]{1,9})\b(?:, *([0-9]{1,9}) +of\b)?", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A comment that begins a course or pass.
+
+    Attributes:
+        line: of the comment, from 1.
+        number: that it gives.
+        place: in the program, from 1, that it gives beside; 0 where it gives none.
+    """
+
+    line: int
+    number: int
+    place: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +52,7 @@ class Program:
         name: as the user named it.
         trajectory: its blocks; an axis is NaN until a rapid states it.
         comments: its comments, in order.
+        marks: those of them that begin a course or pass.
         source: base name of its source, from its header; like the next four empty where the header lacks it.
         source_sha256: SHA-256 of the source.
         setup_sha256: SHA-256 of the effective setup.
@@ -45,6 +63,7 @@ class Program:
     name: str
     trajectory: Trajectory
     comments: tuple[Comment, ...]
+    marks: tuple[Mark, ...]
     source: str
     source_sha256: str
     setup_sha256: str
@@ -57,9 +76,9 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
 
     A control begins in absolute positions and feed per minute. A straight block asks for the time given by the
     control's feed rule, a rapid for that of its slowest axis, ignoring axes not stated before; both take what the
-    control needs by its rule and the axes' accelerations. Courses come from the program's own comments (`course 3`);
-    without comments they are counted: a course begins with the first rapid between an end of laying (shoe up, arc off)
-    and the next beginning (shoe down, arc on), or at that beginning without such a rapid.
+    control needs by its rule and the axes' accelerations. Courses come from the program's own comments (`course 3`,
+    `pass 3`); without comments they are counted: a course begins with the first rapid between an end of laying (shoe
+    up, arc off) and the next beginning (shoe down, arc on), or there without a rapid.
 
     Args:
         text: bytes of the program.
@@ -69,15 +88,17 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
         name: name of the file, for messages.
 
     Raises:
-        ProgramRefused: a word is unknown, malformed or contradicts another, an axis moves or an output turns one
-            before rapids have stated it, a feed is missing, or the program does not end; each with line and column,
-            all at once: faults of the words or, without any, those of the motions.
+        ProgramRefused: a word is unknown, malformed, beyond what the control takes or contradicts another, an axis
+            moves or an output turns one before rapids have stated it, a feed is missing, or the program does not end;
+            each with line and column, all at once: faults of the words or, without any, those of the motions.
         ControllerRefused: the control has no address for one of the machine's axes.
     """
     axes = controller.addressed(machine_axes)
     source = Source(text, controller, name)
+    check_exponents(source)
     words = words_of(source, controller)
     blocks = blocks_of(source, words, controller)
+    check_capacity(blocks, controller)
     paths = {axis.address: axis_path(blocks, axis) for axis, _ in axes}
     plain = {axis.address: paths[axis.address] for axis, _ in axes if not axis.word}
     moved = where_moved(len(blocks.rows), plain.values())
@@ -101,6 +122,7 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
     source.refuse()
     kept = _turn_outputs(blocks, outputs, kinds, durations, stated)
     rows = slice(None) if kept.all() else np.flatnonzero(kept)
+    marks = _marks(source.comments)
     trajectory = Trajectory(
         axes=tuple(machine_axes),
         start=np.full(len(machine_axes), np.nan),
@@ -108,7 +130,7 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
         kinds=kinds[rows],
         durations=durations[rows],
         events=blocks.events[rows],
-        courses=_courses(source.comments, blocks)[rows],
+        courses=_courses(marks, blocks)[rows],
         stated=stated[rows],
         lines=(blocks.rows[rows] + 1).astype(np.int32),
         centres=circles.centres[rows] if circles.any else None,
@@ -124,6 +146,7 @@ def read(text: bytes, controller: Controller, machine_axes: Sequence[str], limit
         name=name,
         trajectory=trajectory,
         comments=tuple(source.comments),
+        marks=marks,
         source=header.get("source:", ""),
         source_sha256=header.get("source sha256:", ""),
         setup_sha256=header.get("setup sha256:", ""),
@@ -199,12 +222,19 @@ def _turn_outputs(
     return kept
 
 
-def _courses(comments: Sequence[Comment], blocks: Blocks) -> NDArray[np.int32]:
+def _marks(comments: Sequence[Comment]) -> tuple[Mark, ...]:
+    """Return the comments that begin a course or pass."""
+    found = ((comment.line, _MARK.match(comment.text)) for comment in comments)
+    return tuple(Mark(line, int(match[1]), int(match[2] or 0)) for line, match in found if match)
+
+
+def _courses(marks: Sequence[Mark], blocks: Blocks) -> NDArray[np.int32]:
     """Return the index (n,) of the course that each block serves, -1 before the first."""
-    marks = [(comment.line - 1, int(number[1])) for comment in comments if (number := _COURSE.match(comment.text))]
     if marks:
-        lines, numbers = np.array(marks).T
-        return np.concatenate([[-1], numbers - 1])[np.searchsorted(lines, blocks.rows, "right")].astype(np.int32)
+        places = [-1, *((mark.place or mark.number) - 1 for mark in marks)]
+        return np.array(places, dtype=np.int32)[
+            np.searchsorted([mark.line - 1 for mark in marks], blocks.rows, "right")
+        ]
     begins = np.flatnonzero(np.isin(blocks.events, (Event.SHOE_DOWN, Event.ARC_ON)))
     ends = np.flatnonzero(np.isin(blocks.events, (Event.SHOE_UP, Event.ARC_OFF)))
     rapids = np.flatnonzero(blocks.kinds == Kind.RAPID)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from anyascii import anyascii
 
 from post import arcs
 from post.columns import Column
@@ -147,17 +148,12 @@ def head(controller: Controller, provenance: Provenance) -> bytes:
         *([f"not judged: {', '.join(provenance.not_judged)}"] if provenance.not_judged else []),
     ]
     first = f"{controller.blocks.first_line}\n" if controller.blocks.first_line else ""
-    return first.encode("ascii") + b"".join(_comment(line, controller) for line in lines)
+    return first.encode("ascii") + b"".join(comment(line, controller) for line in lines)
 
 
-def course_comment(courses: np.ndarray, block: int, controller: Controller) -> bytes:
-    """Return the comment before a block that begins a course; `courses` (n,) holds each block's course."""
-    return _comment(f"course {courses[block] + 1} of {courses.max() + 1}", controller)
-
-
-def _comment(text: str, controller: Controller) -> bytes:
-    """Return a comment line, with underscores for characters that could end it or are not printable ASCII."""
-    safe = _NOT_IN_COMMENTS.sub("_", text)
+def comment(text: str, controller: Controller) -> bytes:
+    """Return a comment line in ASCII letters that come nearest, with underscores for what could end it."""
+    safe = _NOT_IN_COMMENTS.sub("_", "".join(anyascii(letter) or "_" for letter in text))
     before, after = comment_marks(controller)
     return f"{before}{safe[: controller.blocks.max_line - 2]}{after}\n".encode("ascii")
 

@@ -38,6 +38,7 @@ class Words:
         source: the text that holds them.
         letters: (m,) address of each word: its letter, or a code from EXTENDED on.
         values: (m,) the number after it.
+        decimals: (m,) digits of that number after the point.
         lines: (m,) line of each word, from 0.
         firsts: (lines + 1,) index of each line's first word.
     """
@@ -45,6 +46,7 @@ class Words:
     source: Source
     letters: Bytes
     values: Floats
+    decimals: NDArray[np.int16]
     lines: NDArray[np.int32]
     firsts: Ints
 
@@ -100,13 +102,13 @@ def words_of(source: Source, controller: Controller) -> Words:
     ends[:-1] = begins[1:]
     ends[firsts[1:][counts > 0] - 1] = newlines[counts > 0]
     letters = data[begins]
-    values = np.empty(len(begins))
+    values, decimals = np.empty(len(begins)), np.empty(len(begins), dtype=np.int16)
     malformed: list[int] = []
     for first in range(0, len(begins), CHUNK):
         page = slice(first, first + CHUNK)
-        values[page], good = _numbers(padded, begins[page] + 1, ends[page])
+        values[page], decimals[page], good = _numbers(padded, begins[page] + 1, ends[page])
         malformed += (np.flatnonzero(~good) + first).tolist()
-    words = Words(source, letters, values, lines, firsts)
+    words = Words(source, letters, values, decimals, lines, firsts)
     _note_malformed(
         words, [(word, text[begins[word] + 1 : ends[word]].decode("ascii", "replace")) for word in malformed], extended
     )
@@ -152,8 +154,10 @@ def _eight(byte: int) -> np.uint64:
     return np.uint64(byte * 0x0101010101010101)
 
 
-def _numbers(padded: bytes, begins: Ints, ends: Ints) -> tuple[Floats, Mask]:
-    """Return the numbers between two places each, and whether each is well formed: sign, digits, at most one point.
+def _numbers(padded: bytes, begins: Ints, ends: Ints) -> tuple[Floats, Ints, Mask]:
+    """Return the numbers between two places each, their digits after the point, and whether each is well formed.
+
+    A well-formed number has an optional sign, digits, and at most one point.
 
     Args:
         padded: the text after LONGEST bytes of anything.
@@ -170,6 +174,7 @@ def _numbers(padded: bytes, begins: Ints, ends: Ints) -> tuple[Floats, Mask]:
     whole = _eight_digits(_closed(low, low_point, np.uint64(0)))
     values = whole.astype(np.float64)
     decimals = np.maximum(low_point, 0)
+    written = decimals
     longer = np.flatnonzero(length > 8)
     if len(longer):
         high, high_point, well = _digits(eights[ends[longer]], np.minimum(length[longer] - 8, 8))
@@ -180,14 +185,16 @@ def _numbers(padded: bytes, begins: Ints, ends: Ints) -> tuple[Floats, Mask]:
         decimals[longer] = np.where(high_point >= 0, high_point + 8, decimals[longer])
         good[longer] &= well & ~(points[longer] & (high_point >= 0))
         points[longer] |= high_point >= 0
+        written = decimals.copy()
         # The few whose mantissa is too long for a double are left to Python.
         for at in longer[(length[longer] > LONGEST) | (mantissa >= EXACT)].tolist():
             text = padded[LONGEST + begins[at] : LONGEST + ends[at]]
             good[at] = re.fullmatch(rb"[+-]?(\d+\.?\d*|\.\d+)", text) is not None and abs(float(text)) < BEYOND
             values[at], decimals[at] = (abs(float(text)) if good[at] else 0.0), 0
+            written[at] = len(text.partition(b".")[2])
     good &= length > points
     values /= _POWERS[decimals]
-    return np.where(negative, -values, values), good
+    return np.where(negative, -values, values), written, good
 
 
 def _digits(eights: Eights, length: Ints) -> tuple[Eights, Ints, Mask]:

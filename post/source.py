@@ -49,7 +49,7 @@ class Source:
                 self._take_block(block)
         if not self.plain.isascii():
             for at in re.finditer(rb"[^\x00-\x7f]+", self.plain):
-                self._fault_at(at.start(), f"expected ASCII outside comments, got {at[0].decode('utf-8', 'replace')}")
+                self.fault_at(at.start(), f"expected ASCII outside comments, got {at[0].decode('utf-8', 'replace')}")
             self.refuse()
 
     def _take_comments(self, style: str) -> None:
@@ -65,11 +65,11 @@ class Source:
             line_end = text.index(b"\n", begin)
             closed = text.find(b")", begin, line_end) if text[begin] == ord("(") else line_end
             if closed < 0:
-                self._fault_at(begin, "the comment is not closed; end it with )")
+                self.fault_at(begin, "the comment is not closed; end it with )")
                 closed = line_end
             inside = text[begin + 1 : closed]
             if text[begin] == ord("(") and b"(" in inside:
-                self._fault_at(begin, "a comment begins within this comment; close it before")
+                self.fault_at(begin, "a comment begins within this comment; close it before")
             end = min(closed + 1, line_end)
             text[begin:end] = b" " * (end - begin)
             self.comments.append(Comment(line + 1, inside.decode("utf-8", "replace").strip()))
@@ -87,7 +87,8 @@ class Source:
                 self.plain[begin:end] = b" " * (end - begin)
             at = self.plain.find(sign, end)
 
-    def _fault_at(self, byte: int, sentence: str) -> None:
+    def fault_at(self, byte: int, sentence: str) -> None:
+        """Note a fault at a byte of the text."""
         line_begin = self.plain.rfind(b"\n", 0, byte) + 1
         self._faults.append((self.plain.count(b"\n", 0, byte) + 1, byte - line_begin + 1, sentence))
 

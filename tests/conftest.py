@@ -23,6 +23,8 @@ os.environ |= {"SOURCE_DATE_EPOCH": "1767225600", "LC_ALL": "C.UTF-8"}
 # A slow machine is no fault of the code: no example has to be done in a given time.
 settings.register_profile("project", deadline=None)
 settings.load_profile("project")
+# What a command says depends on the locale.
+os.environ["LC_ALL"] = "C.UTF-8"
 
 
 @pytest.fixture(scope="session")

@@ -379,6 +379,7 @@ def test_help_shows_the_defaults_of_the_setups_and_no_type(tmp_path: Path) -> No
     lay, spray = ({"output": kind_of(name).setup.model_validate({}).output.controller} for name in NAMES)
     process = Setup().process
     pages = {name: run(name, "--help", cwd=tmp_path).stdout for name in ("export", "spray", "verify", "serve", "setup")}
+    pages = {name: " ".join(page.replace("│", " ").split()) for name, page in pages.items()}
     assert f"[default: {lay['output']}]" in pages["export"]
     assert f"[default: {process.kinematics}]" in pages["export"]
     assert f"[default: {spray['output']}]" in pages["spray"]

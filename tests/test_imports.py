@@ -19,7 +19,8 @@ FILES = sorted(path for package in OURS for path in (ROOT / package).rglob("*.py
 # A room imports from those of the floors above it and from itself; rooms of one floor do not know each other.
 FLOORS = (
     ("urdf",),
-    ("tapelayer.errors", "tapelayer.units", "tapelayer.arrays", "tapelayer.progress"),
+    ("tapelayer.errors", "tapelayer.units", "tapelayer.arrays", "tapelayer.progress", "tapelayer.language"),
+    ("tapelayer.sentences",),
     (
         "tapelayer.vectors",
         "tapelayer.provenance",

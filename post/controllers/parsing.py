@@ -11,7 +11,8 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from post.controllers.table import AxisWord, Controller
+from post.controllers.contradictions import contradictions
+from post.controllers.table import EXPECTED, AxisWord, Controller
 from tapelayer.errors import ControllerRefused, InputFault
 from tapelayer.motion.trajectory import Event
 from tapelayer.toml_files import read_toml
@@ -34,19 +35,21 @@ def parse(data: bytes, path: str) -> Controller:
         )
     try:
         given = {"name": Path(path).stem, "sha256": hashlib.sha256(data).hexdigest()}
-        return Controller.model_validate({**given, **table})
+        controller = Controller.model_validate({**given, **table})
     except ValidationError as error:
-        faults = {fault for detail in error.errors() for fault in _worded(text, detail)}
+        faults = {_worded(text, detail) for detail in error.errors()}
         raise ControllerRefused(path, sorted(faults, key=lambda fault: (fault.line, fault.sentence))) from None
+    # The sentences begin with the place they refer to.
+    sentences = dict.fromkeys(contradictions(controller))
+    faults = {InputFault(_line(text, tuple(sentence.split(":")[0].split("."))), sentence) for sentence in sentences}
+    if faults:
+        raise ControllerRefused(path, sorted(faults, key=lambda fault: (fault.line, fault.sentence)))
+    return controller
 
 
-def _worded(text: str, detail: ErrorDetails) -> list[InputFault]:
-    """Return the faults of one validation error, in a sentence each."""
+def _worded(text: str, detail: ErrorDetails) -> InputFault:
+    """Return one validation error as a fault."""
     place = detail["loc"]
-    if not place:
-        # The lint's own sentences begin with the place they refer to.
-        sentences = detail["msg"].removeprefix("Value error, ").splitlines()
-        return [InputFault(_line(text, tuple(sentence.split(":")[0].split("."))), sentence) for sentence in sentences]
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
     if detail["type"] == "extra_forbidden" or place[-1] == "[key]":
         known = _known(place)
@@ -58,8 +61,10 @@ def _worded(text: str, detail: ErrorDetails) -> list[InputFault]:
     else:
         message, shown = detail["msg"], repr(detail["input"])
         shown = shown if len(shown) <= 40 else shown[:37] + "..."
+        if detail["type"] == "string_pattern_mismatch":
+            message = f"expected {EXPECTED[detail['ctx']['pattern']]}"
         sentence = f"{where}: {message[0].lower()}{message[1:]}, got {shown}"
-    return [InputFault(_line(text, place), sentence)]
+    return InputFault(_line(text, place), sentence)
 
 
 def _known(place: tuple[int | str, ...]) -> list[str]:

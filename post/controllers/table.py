@@ -1,25 +1,45 @@
-"""Table: the contents of a controller's TOML file, and the checks for contradictions."""
+"""Table: the contents of a controller's TOML file."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field
 
 from tapelayer.errors import ControllerRefused, InputFault
 from tapelayer.motion.corners import Corner, Rule
 from tapelayer.motion.trajectory import Event
 
+# What a text must look like, and the words for it. The digits and letters are those of ASCII, as in every program.
+EXPECTED = {
+    r"^[ -~]*$": "printable ASCII signs",
+    r"^[ -~]*[!-~][ -~]*$": "printable ASCII signs, and not blanks alone",
+    r"^[^\p{C}]*$": "one line of printable signs",
+    r"^[A-Z]([0-9]*=)?$": "a capital letter, or one with a number and an equals sign such as Q1=",
+    r"^[A-Z]$": "a capital letter",
+    r"^[A-Z]?$": "a capital letter, or nothing",
+    r"^G[0-9]{1,3}(\.[0-9])?$": "a G word such as G1 or G92.1",
+    r"^(G[0-9]{1,3}(\.[0-9])?)?$": "a G word such as G92, or nothing",
+    r"^M[0-9]{1,3}$": "an M word such as M30",
+    r"^M[0-9]{1,3}( [A-Z][0-9]{1,3})?$": "an M word such as M20 or M62 P3",
+    r"^(M[0-9]{1,3}( [A-Z][0-9]{1,3})?)?$": "an M word such as M29 or M68 E0, or nothing",
+    r"^([A-Z]|G[0-9]{1,3}(\.[0-9])?( [A-Z][0-9]+(\.[0-9]+)?)?|[ -~]*[!-*,/:-@\[-`{-~][ -~]*)$": (
+        "a letter, a G word such as G40 or G64 P0.01, or a block with a sign that no word has such as FGROUP(X,Y)"
+    ),
+}
+_LINE, _BLOCK, _TITLE, _ADDRESS, _LETTER, _ANY_LETTER, _G, _ANY_G, _M, _EVENT, _AXIS_WORD, _NO_EFFECT = EXPECTED
+
 Joint = Annotated[str, Field(min_length=1)]
-Address = Annotated[str, Field(pattern=r"^[A-Z](\d*=)?$")]
-Letter = Annotated[str, Field(pattern=r"^[A-Z]$")]
-GCode = Annotated[str, Field(pattern=r"^G\d{1,3}(\.\d)?$")]
-MCode = Annotated[str, Field(pattern=r"^M\d{1,3}$")]
-EventWords = Annotated[str, Field(pattern=r"^M\d{1,3}( [A-Z]\d{1,3})?$")]
-NoEffect = Annotated[str, Field(pattern=r"^([A-Z]|G\d{1,3}(\.\d)?( [A-Z]\d+(\.\d+)?)?|.*[^A-Za-z0-9 .+-].*)$")]
+Line = Annotated[str, Field(pattern=_LINE)]
+Block = Annotated[str, Field(pattern=_BLOCK)]
+Address = Annotated[str, Field(pattern=_ADDRESS)]
+Letter = Annotated[str, Field(pattern=_LETTER)]
+GCode = Annotated[str, Field(pattern=_G)]
+MCode = Annotated[str, Field(pattern=_M)]
+EventWords = Annotated[str, Field(pattern=_EVENT)]
+NoEffect = Annotated[str, Field(pattern=_NO_EFFECT)]
 EventName = Literal[
     "shoe_down",
     "shoe_up",
@@ -62,7 +82,7 @@ class AxisWord(_Table):
     joints: Annotated[tuple[Joint, ...], Field(min_length=1, strict=False)]
     unit: Literal["mm", "deg"]
     decimals: Annotated[int, Field(ge=0, le=6)] = 3
-    word: Annotated[str, Field(pattern=r"^(M\d{1,3}( [A-Z]\d{1,3})?)?$")] = ""
+    word: Annotated[str, Field(pattern=_AXIS_WORD)] = ""
     alone: bool = False
 
 
@@ -85,10 +105,10 @@ class Blocks(_Table):
     number_maximum: Annotated[int, Field(ge=1, le=999999999)]
     max_line: Annotated[int, Field(ge=90)]
     comment: Literal["(", ";", "(;"]
-    first_line: str
-    last_line: str
-    preamble: Annotated[tuple[str, ...], Field(strict=False)]
-    restated: Annotated[tuple[str, ...], Field(strict=False)]
+    first_line: Line
+    last_line: Line
+    preamble: Annotated[tuple[Block, ...], Field(strict=False)]
+    restated: Annotated[tuple[Block, ...], Field(strict=False)]
     end: Annotated[tuple[MCode, ...], Field(min_length=1, strict=False)]
 
 
@@ -124,7 +144,7 @@ class Codes(_Table):
     incremental: GCode
     per_minute: GCode
     inverse_time: GCode
-    set_position: Annotated[str, Field(pattern=r"^(G\d{1,3}(\.\d)?)?$")]
+    set_position: Annotated[str, Field(pattern=_ANY_G)]
     planes: dict[Plane, GCode]
     no_effect: Annotated[tuple[NoEffect, ...], Field(strict=False)] = ()
 
@@ -192,9 +212,9 @@ class Timing(_Table):
     """
 
     corner: Corner = "stop"
-    exact: Annotated[str, Field(pattern=r"^(G\d{1,3}(\.\d)?)?$")] = ""
-    blended: Annotated[str, Field(pattern=r"^(G\d{1,3}(\.\d)?)?$")] = ""
-    tolerance_address: Annotated[str, Field(pattern=r"^[A-Z]?$")] = ""
+    exact: Annotated[str, Field(pattern=_ANY_G)] = ""
+    blended: Annotated[str, Field(pattern=_ANY_G)] = ""
+    tolerance_address: Annotated[str, Field(pattern=_ANY_LETTER)] = ""
     tolerance_mm: Annotated[float, Field(ge=0, le=10, strict=False)] = 0.0
     initial: Literal["exact", "blended"] = "exact"
     switching: Literal["on_the_fly", "stops"] = "stops"
@@ -218,17 +238,6 @@ class Timing(_Table):
             return self.exact
         stated = f" {self.tolerance_address}{round(tolerance * 1e3, 4):g}" if self.tolerance_address else ""
         return self.blended + stated
-
-    def faults(self) -> Iterator[str]:
-        """Yield what contradicts itself."""
-        if self.blends:
-            missing = [name for name in ("exact", "blended") if not getattr(self, name)]
-            if missing:
-                yield f"time: corner {self.corner} without {' and '.join(missing)}; give the words, or corner = stop"
-            if not self.tolerance_mm > 0:
-                yield f"time: corner {self.corner} without tolerance_mm above 0; give how far corners are rounded off"
-        elif self.exact or self.blended:
-            yield f"time: corner {self.corner} has no words for exact and blended; leave them out"
 
 
 class Controller(_Table):
@@ -254,7 +263,7 @@ class Controller(_Table):
 
     name: str
     sha256: str
-    title: str
+    title: Annotated[str, Field(pattern=_TITLE)]
     axes: Annotated[tuple[AxisWord, ...], Field(min_length=1, strict=False)]
     max_word: Annotated[float, Field(gt=0, le=2e9, strict=False)]
     u_reset: Literal["never", "course"]
@@ -267,90 +276,6 @@ class Controller(_Table):
     levels: dict[EventName, Letter] = {}
     arcs: ArcRule
     time: Timing = Timing()
-
-    @model_validator(mode="after")
-    def _lint(self) -> Self:
-        faults = list(self._faults())
-        if faults:
-            raise ValueError("\n".join(faults))
-        return self
-
-    def _faults(self) -> Iterator[str]:
-        reserved = {letter: "is reserved by the control" for letter in self.reserved}
-        reserved |= {letter: "is the centre of arcs" for letter in self.arcs.offsets if self.arcs.planes}
-        taken = {self.codes.dwell_address: "is the time of a dwell", self.feed.address: "is the feed"}
-        taken |= {"G": "begins a preparatory word", "M": "begins a switching word", "N": "numbers a block"}
-        joints: set[str] = set()
-        for axis in self.axes:
-            # An M word that takes the address defines its letter.
-            clash = taken.get(axis.address) or ("" if axis.word else reserved.get(axis.address, ""))
-            if clash:
-                yield f"axes: address {axis.address} {clash}; give {axis.joints[0]} another"
-            if axis.alone and not axis.word:
-                yield f"axes: address {axis.address} stands alone without a word; give the word that takes it"
-            taken[axis.address] = "has an axis already"
-            for joint in axis.joints:
-                if joint in joints:
-                    yield f"axes: joint {joint} has two addresses; give it one"
-                joints.add(joint)
-        addresses = {axis.address for axis in self.axes}
-        for address in sorted({address for group in self.feed.path for address in group} - addresses):
-            yield f"feed.path: {address} is not the address of an axis"
-        yield from self.time.faults()
-        modes = {name: word for name in ("exact", "blended") if (word := getattr(self.time, name))}
-        yield from self._repeated("codes", (self.codes.words() | modes).items(), {})
-        words = sorted({axis.word for axis in self.axes} - {""})
-        if len({(axis.word, axis.alone) for axis in self.axes if axis.word}) > 1:
-            yield f"axes: {' and '.join(words)} take axes; all such axes need one word and one value of alone"
-        for taking in words:
-            if any(text.split()[0] == taking.split()[0] for _, text in self._all_events()):
-                yield f"axes: {taking} is the word of an event; give the axis another"
-        ends = {code(word): "end" for word in self.blocks.end}
-        yield from self._repeated("events", self.events.items(), ends)
-        for event, word in self.events_at_rest.items():
-            if event not in self.events:
-                yield f"events_at_rest: {event} is not in events; add it there"
-            if any(other != event and code(text) == code(word) for other, text in self._all_events()):
-                yield f"events_at_rest: {word} of {event} is the word of another event too; give it one of its own"
-        for block in self.blocks.preamble:
-            yield from self._unknown_words("blocks.preamble", block)
-        for block in self.blocks.restated:
-            yield from self._unknown_words("blocks.restated", block)
-        if self.u_reset == "course" and not self.codes.set_position:
-            yield "u_reset: needs codes.set_position, the G word that sets the tape's axis to zero; give it"
-        for event, letter in self.levels.items():
-            if event not in self.events:
-                yield f"levels: {event} is not in events; add it there"
-            if letter not in self.codes.no_effect:
-                yield f"levels: {letter} of {event} is not in codes.no_effect, so no reader would know it"
-        missing = [plane for plane in self.arcs.planes if plane not in self.codes.planes]
-        if missing:
-            yield f"arcs.planes: {' and '.join(missing)} without a G word in codes.planes; give it"
-        if self.blocks.number_step > self.blocks.number_maximum:
-            yield "blocks: number_step is beyond number_maximum; lower it"
-
-    def _all_events(self) -> Iterator[tuple[str, str]]:
-        yield from self.events.items()
-        yield from self.events_at_rest.items()
-
-    @staticmethod
-    def _repeated(
-        section: str, words: Iterable[tuple[str, str]], used: dict[tuple[str, float, str], str]
-    ) -> Iterator[str]:
-        for name, word in words:
-            other = used.setdefault(code(word), name)
-            if other != name:
-                yield f"{section}: {word} stands for both {other} and {name}; each needs a word of its own"
-
-    def _unknown_words(self, section: str, block: str) -> Iterator[str]:
-        if block in self.codes.no_effect:
-            return
-        modes = [word for word in (self.time.exact, self.time.blended) if word]
-        known = {code(word) for word in [*self.codes.words().values(), *modes]}
-        known |= {code(word) for word in self.codes.no_effect if re.fullmatch(r"G\d+(\.\d)?", word)}
-        for word in block.split():
-            if not re.fullmatch(r"G\d+(\.\d)?", word) or code(word) not in known:
-                yield f"{section}: {word} is not in codes or codes.no_effect, so no reader would know it"
 
     def addressed(self, joints: Sequence[str]) -> tuple[tuple[AxisWord, int], ...]:
         """Return the axis words of a machine's joints in word order, each with the joint's index in `joints`.
@@ -398,6 +323,27 @@ class Controller(_Table):
             stated=bool(self.time.tolerance_address),
         )
 
+    def check_units(self, turning: Mapping[str, bool]) -> None:
+        """Refuse an axis that turns in millimetres, or one that slides in degrees.
+
+        Args:
+            turning: whether each joint of the machine turns.
+
+        Raises:
+            ControllerRefused: as said; all such axes at once.
+        """
+        faults = [
+            InputFault(
+                0, f"axes: {axis.address} counts joint {joint} in {axis.unit}, but it {does}; give unit = {unit}"
+            )
+            for axis in self.axes
+            for joint in axis.joints
+            for does, unit in [("turns", '"deg"') if turning.get(joint) else ("slides", '"mm"')]
+            if joint in turning and unit.strip('"') != axis.unit
+        ]
+        if faults:
+            raise ControllerRefused(f"controller {self.name}", faults)
+
     def resolution(self, joint: str) -> float:
         """Return the last written digit of a joint, in metres or radians.
 
@@ -416,4 +362,4 @@ class Controller(_Table):
 def code(words: str) -> tuple[str, float, str]:
     """Return letter, number and second word of a code, which are equal for equal codes however they are written."""
     first, _, second = words.partition(" ")
-    return first[0], float(first[1:]), second
+    return first[0], float(first[1:]), f"{second[0]}{float(second[1:]):g}" if second else ""

@@ -56,8 +56,10 @@ from tapelayer.jobs.contents import Content, kind_of_source, source_of
 from tapelayer.jobs.job import JobResult, MachineJob
 from tapelayer.jobs.kind import Form, JobKind
 from tapelayer.jobs.kinds import KindName, kind_of, kinds
+from tapelayer.language import Language
 from tapelayer.reporting.subject import Occasion
-from tapelayer.reporting.words import Language, Say
+from tapelayer.reporting.words import Say
+from tapelayer.sentences import said
 from tapelayer.setups.sections import JobSetup, read_setup
 from tapelayer.units import Unit
 
@@ -144,7 +146,7 @@ def verify(
         occasion = occasion_of(program, setup)
         write_files(outputs.reports(result, occasion, spoken))
     for remark in result.remarks:
-        sys.stderr.write(f"{remark}\n")
+        sys.stderr.write(f"{said(remark)}\n")
     if as_json:
         _print_json(result.report_file(occasion))
     if not quiet:
@@ -275,23 +277,23 @@ class _Making:
             _conclude(result, name, console, self.language)
 
     def _make_each(self, sources: Sequence[str], outputs: Sequence[Outputs], setup: JobSetup) -> None:
-        worst, said = 0, {}
+        worst, told = 0, {}
         for source, each in zip(sources, outputs, strict=True):
             try:
                 with ProgressBar(self.quiet, self.verbose) as steps:
                     result, occasion = self._made(source, each, setup, steps)
-                said[source] = result.report(occasion)
+                told[source] = result.report(occasion)
                 if result.failure:
                     raise _named(source, result.failure)
             except SHARED:
                 raise
             except TapelayerError as error:
-                sys.stderr.write(f"{error}\n")
+                sys.stderr.write(f"{said(str(error))}\n")
                 worst = max(worst, error.exit_code)
             else:
                 self._report_line(result, each)
         if self.as_json:
-            _print_json(f"{json.dumps(said, indent=2, allow_nan=False)}\n".encode())
+            _print_json(f"{json.dumps(told, indent=2, allow_nan=False)}\n".encode())
         if worst:
             raise typer.Exit(worst)
 
@@ -344,7 +346,7 @@ def _conclude(result: JobResult[Any], name: str, console: Console, language: Lan
     """Print the summary and the notes of a result, and a last line if it passed."""
     console.print(result.summary(language))
     for note in result.notes(language):
-        sys.stderr.write(f"{note}\n")
+        sys.stderr.write(f"{said(note)}\n")
     if result.evidence.passed:
         _print_passed(result, name, console, language)
 

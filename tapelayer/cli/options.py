@@ -12,7 +12,7 @@ import typer
 from post import controllers
 from tapelayer.errors import InputFault, InputRefused, SetupRefused
 from tapelayer.jobs.kinds import NAMES, KindName
-from tapelayer.reporting.words import LANGUAGES, Language, language_of
+from tapelayer.language import LANGUAGES, Language, language_of
 from tapelayer.units import Unit
 
 UNITS = get_args(Unit)

@@ -13,9 +13,9 @@ from tapelayer.atomic_files import check_names, write_files
 from tapelayer.cli.options import OptionRefused
 from tapelayer.errors import ProgramRefused, TargetNotWritable
 from tapelayer.jobs.job import JobResult
+from tapelayer.language import Language
 from tapelayer.provenance import moment, unedited
 from tapelayer.reporting.subject import Occasion
-from tapelayer.reporting.words import Language
 from tapelayer.setups.sections import JobSetup
 
 

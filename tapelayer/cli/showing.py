@@ -24,6 +24,7 @@ from tapelayer.jobs.kind import Form
 from tapelayer.jobs.kinds import NAMES, kind_of
 from tapelayer.reporting.summary import explained
 from tapelayer.reporting.words import Say
+from tapelayer.sentences import said
 from tapelayer.setups.sections import read_setup, whole_text
 from tapelayer.units import DEG, MM
 
@@ -33,15 +34,17 @@ def inspect(courses: Courses, unit: UnitName = "mm") -> None:
     """Show what a course file holds."""
     table = Table(title=Text(Path(courses).name))
     for heading in ("course", "points", "length mm", "cuts deg", "slope deg", "off surface deg"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(said(heading), justify="right", no_wrap=True)
     with expecting(courses, source_of(Form.COURSES)):
         parsed = read_courses(courses, unit_of(unit))
     for course in parsed:
         table.add_row(*_inspected(course))
     output.print(table)
     output.print(
-        f"{len(parsed)} courses, {sum(len(course.points) for course in parsed)} points, "
-        f"{sum(course.length for course in parsed):.3f} m of tape laid, in {_box(parsed)} mm",
+        said(
+            f"{len(parsed)} courses, {sum(len(course.points) for course in parsed)} points, "
+            f"{sum(course.length for course in parsed):.3f} m of tape laid, in {_box(parsed)} mm"
+        ),
         highlight=False,
         soft_wrap=True,
     )
@@ -85,7 +88,7 @@ def machine(
     model = machine_of(values, chosen.machine.urdf)
     table = Table(title=Text(str(model.model.name)))
     for heading in ("axis", "from", "to", "unit", "speed /s"):
-        table.add_column(heading, justify="right")
+        table.add_column(said(heading), justify="right")
     for axis in model.axes:
         scale, unit = (1 / DEG, "deg") if axis.revolute else (1 / MM, "mm")
         table.add_row(axis.name, f"{axis.lower * scale:g}", f"{axis.upper * scale:g}", unit, f"{axis.speed * scale:g}")

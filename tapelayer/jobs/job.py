@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
@@ -17,7 +17,9 @@ from post import program, reader
 from post.controllers import Controller
 from tapelayer.arrays import Floats
 from tapelayer.errors import VerificationFailed
+from tapelayer.jobs.part_names import part_names, placed
 from tapelayer.jobs.stages import READING_BACK, VERIFYING, VERIFYING_PLAN, WRITING
+from tapelayer.language import Language
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.corners import Rule
 from tapelayer.motion.time_law import Limits
@@ -26,7 +28,7 @@ from tapelayer.progress import UNSEEN, Steps, Tick, silent
 from tapelayer.provenance import VERSION, NamedFile, Provenance, sealed
 from tapelayer.reporting.not_judged import unjudged
 from tapelayer.reporting.subject import Occasion, Subject
-from tapelayer.reporting.words import Language, Words
+from tapelayer.reporting.words import Words
 from tapelayer.setups.forms import changes
 from tapelayer.setups.sections import JobSetup
 from tapelayer.verification.failures import Findings
@@ -163,6 +165,10 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         )
 
     @abstractmethod
+    def numbers(self, trajectory: Trajectory) -> Sequence[int]:
+        """Return the numbers of the courses or passes of a trajectory, by index."""
+
+    @abstractmethod
     def planned(self, steps: Steps) -> tuple[Plan, Trajectory]:
         """Return the plan of the job, and the trajectory that follows from it.
 
@@ -217,7 +223,8 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
             text = self.text(Verified(trajectory, evidence))
             # Free a long program's plan before reading the text back.
             del trajectory, evidence
-            trajectory, evidence = self._judged_text(judge, self._read(text, name, steps), text, steps)
+            trajectory, _ = placed(self._read(text, name, steps), judge.OF, judge.numbers)
+            evidence = self._judged_text(judge, trajectory, text, steps)
         return self.result(plan, trajectory, evidence, text, (), steps)
 
     def judge(self, text: bytes, name: str, force: bool = False, steps: Steps = UNSEEN) -> JobResult[Evidence]:
@@ -238,7 +245,10 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
             self.provenance.check_setup(read.setup_sha256, name)
         remarks = self.provenance.remarks(read.source_sha256, name, self.SOURCE)
         plan = self.basis(steps)
-        trajectory, evidence = self._judged_text(self.inspector(plan), read, text, steps)
+        judge = self.inspector(plan)
+        trajectory, wrong = placed(read, judge.OF, judge.numbers)
+        remarks += wrong
+        evidence = self._judged_text(judge, trajectory, text, steps)
         return self.result(plan, trajectory, evidence, text, remarks, steps)
 
     def plan(self, tick: Tick = silent) -> Verified[Evidence]:
@@ -252,7 +262,8 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
 
     def text(self, planned: Verified[Evidence]) -> bytes:
         """Return the NC text of a verified trajectory."""
-        return program.write(planned, self.controller, self.provenance, self.levels())
+        names = part_names(planned.evidence.PART, self.numbers(planned.trajectory))
+        return program.write(planned, self.controller, self.provenance, self.levels(), names)
 
     def read_back(self, text: bytes, name: str) -> reader.Program:
         """Return the program in an NC text.
@@ -280,12 +291,10 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
         steps.begin(READING_BACK.name)
         return self.read_back(text, name)
 
-    def _judged_text(
-        self, judge: Judge[Evidence], read: reader.Program, text: bytes, steps: Steps
-    ) -> tuple[Trajectory, Evidence]:
+    def _judged_text(self, judge: Judge[Evidence], trajectory: Trajectory, text: bytes, steps: Steps) -> Evidence:
         steps.begin(VERIFYING.name, self.parts)
-        evidence = judge.judge(read.trajectory, self.resolution, steps.tick)
-        return read.trajectory, replace(evidence, program_sha256=hashlib.sha256(text).hexdigest())
+        evidence = judge.judge(trajectory, self.resolution, steps.tick)
+        return replace(evidence, program_sha256=hashlib.sha256(text).hexdigest())
 
 
 class _Ticks:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +19,7 @@ from tapelayer.errors import CourseFileRefused
 from tapelayer.jobs.job import UNTOLD, JobResult, MachineJob, is_timed, machine_of
 from tapelayer.jobs.part_size import check_size
 from tapelayer.jobs.stages import PLANNING
+from tapelayer.language import Language
 from tapelayer.laying import page
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.inspection import Inspector
@@ -31,7 +33,7 @@ from tapelayer.reporting.not_judged import english, unjudged
 from tapelayer.reporting.quantity import beyond_limits, numbers
 from tapelayer.reporting.subject import Occasion
 from tapelayer.reporting.summary import summary
-from tapelayer.reporting.words import Language, Say
+from tapelayer.reporting.words import Say
 from tapelayer.units import MM, Unit
 from urdf import TAPELAYER
 
@@ -85,6 +87,8 @@ class Job(MachineJob[None, Evidence]):
         """
         controller = load(setup.output.controller)
         machine = machine_of(setup, TAPELAYER)
+        machine.check_travel(machine.names)
+        controller.check_units({axis.name: axis.revolute for axis in machine.axes})
         courses = parse_courses(data, name, unit)
         points = np.concatenate([course.points for course in courses])
         check_size(points, unit, machine, ("tape", setup.tape.width_mm * MM), name, CourseFileRefused)
@@ -107,6 +111,10 @@ class Job(MachineJob[None, Evidence]):
     def parts(self) -> int:
         """Return the number of courses."""
         return len(self.courses)
+
+    def numbers(self, trajectory: Trajectory) -> Sequence[int]:
+        """Return the numbers of the courses in their file."""
+        return [course.number for course in self.courses]
 
     def planned(self, steps: Steps) -> tuple[None, Trajectory]:
         """Return the planned trajectory, with no basis: it is judged against the courses themselves.

@@ -148,11 +148,11 @@ ROWS: tuple[Row[Evidence], ...] = (
     count(
         "courses",
         Words("courses", "道次数"),
-        Words("courses in the course file", "轨迹文件中的道次数"),
+        Words("courses in the course file", "道次文件中的道次数"),
         lambda e: e.courses,
     ),
     count(
-        "points", Words("points", "点数"), Words("points in the course file", "轨迹文件中的点数"), lambda e: e.points
+        "points", Words("points", "点数"), Words("points in the course file", "道次文件中的点数"), lambda e: e.points
     ),
     count(
         "blocks",
@@ -270,7 +270,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         Words(
             "contact off the course in the plane across the travel: root of normal² + lateral², at block ends and "
             "between",
-            "接触点在垂直于行进方向的平面内偏离轨迹的距离（法向与侧向的合成），在段末及段中检查",
+            "接触点在垂直于行进方向的平面内偏离道次的距离（法向与侧向的合成），在段末及段中检查",
         ),
         "mm",
         4,
@@ -285,7 +285,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         Words("chord error", "弦高误差"),
         Words(
             "the same between block ends only: the blocks are straight in joint space, the course is not",
-            "仅段中的位置误差：程序段在关节空间是直线，轨迹不是",
+            "仅段中的位置误差：程序段在关节空间是直线，道次不是",
         ),
         "mm",
         4,
@@ -358,7 +358,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         Words("roller offset", "压辊偏移"),
         Words(
             "roller's centre off its exact place, one radius above the course along the normal",
-            "压辊中心偏离其精确位置（沿法向高出轨迹一个半径）的距离",
+            "压辊中心偏离其精确位置（沿法向高出道次一个半径）的距离",
         ),
         "mm",
         4,
@@ -390,8 +390,8 @@ ROWS: tuple[Row[Evidence], ...] = (
     ),
     Quantity(
         "max_blade_error_deg",
-        Words("blade error", "刀片角误差"),
-        Words("blade of a lowered knife off the direction of its line", "落下的刀片与其切割线方向的夹角"),
+        Words("blade error", "刀刃角误差"),
+        Words("blade of a lowered knife off the direction of its line", "落下的刀刃与其切割线方向的夹角"),
         "deg",
         4,
         lambda e: _largest(np.array([cut.blade_error for cut in e.tape.cuts])) / DEG,
@@ -415,7 +415,7 @@ ROWS: tuple[Row[Evidence], ...] = (
         Words(
             "roller above the highest course point while the head goes from course to course; `null` where it never "
             "does",
-            "铺带头在道次之间移动时压辊高出最高轨迹点的距离；无过渡时为 `null`",
+            "铺带头在道次之间移动时压辊高出最高道次点的距离；无过渡时为 `null`",
         ),
         "mm",
         2,

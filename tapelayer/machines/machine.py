@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -31,12 +30,11 @@ from tapelayer.machines.columns import (
     rows_of,
     snapped,
 )
+from tapelayer.machines.urdf_file import Joint, read_urdf
 from urdf import TAPELAYER
 
 # Rows evaluated at a time, so that the columns of a chunk stay in the cache.
 CHUNK = 1 << 14
-
-_MOVING = ("revolute", "continuous", "prismatic")
 
 
 @dataclass(frozen=True)
@@ -89,13 +87,14 @@ class Machine:
         path: the file.
         sha256: SHA-256 of its bytes, hexadecimal.
         axes: driven joints in the file's order: the columns of every q.
-        model: Pinocchio's model of the file, mimic joints kept.
+        model: Pinocchio's model of the file's chain, in which mimic joints are joints like others.
     """
 
     path: Path
     sha256: str
     axes: tuple[Axis, ...]
     model: pinocchio.Model
+    _moving: tuple[Joint, ...]
     _joints: tuple[_Joint, ...]
     _frames: Mapping[str, _Frame]
 
@@ -104,19 +103,22 @@ class Machine:
         """Read a URDF (default: the built-in tape layer).
 
         Raises:
-            ModelRefused: no readable URDF, a joint of a type that is not an axis, or an axis without travel or speed.
+            ModelRefused: no readable URDF, faults in it, or an axis without travel or speed.
 
         Examples:
             >>> Machine.load().path.name
             'tapelayer.urdf'
         """
         path = TAPELAYER if urdf is None else Path(urdf)
-        driven = _driven_joints(path)
-        model = _pinocchio_model(path)
-        axes = tuple(_axis(path, model, name, kind, limit) for name, (kind, limit) in driven.items())
-        column_of = {int(model.idx_qs[model.getJointId(axis.name)]): column for column, axis in enumerate(axes)}
+        moving, chain = read_urdf(path)
+        try:
+            model = pinocchio.buildModelFromXML(chain)
+        except (ValueError, RuntimeError) as error:
+            raise ModelRefused(f"{path}: Pinocchio cannot build it: {' '.join(str(error).split())}") from error
+        axes = tuple(_axis(path, joint) for joint in moving if not joint.mimics)
+        columns = {axis.name: column for column, axis in enumerate(axes)}
         sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-        return Machine(path, sha256, axes, model, _joints(path, model, column_of), _frames(model))
+        return Machine(path, sha256, axes, model, moving, _joints(model, moving, columns), _frames(model))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -185,6 +187,21 @@ class Machine:
             _check_axis(self.path, axis)
         return replace(self, axes=tuple(axes))
 
+    def check_travel(self, names: Iterable[str]) -> None:
+        """Refuse axes that turn without end: what they carry has hoses, cables and tape.
+
+        Raises:
+            ModelRefused: one or more of these axes have no ends of travel.
+        """
+        endless = [axis.name for axis in map(self.axis, names) if not np.isfinite(axis.upper - axis.lower)]
+        if endless:
+            named = f"axis {endless[0]} turns" if len(endless) == 1 else f"axes {' and '.join(endless)} turn"
+            example = ", ".join(f"{name} = [-180, 180]" for name in endless)
+            raise ModelRefused(
+                f"{self.path}: {named} without end, and hoses, cables and tape do not: "
+                f"give travel with limits_deg, e.g. {{{example}}}"
+            )
+
     def forward(self, q: Floats, frame: str) -> Floats:
         """Return poses (n, 4, 4) of a frame in the root link's axes, translations in metres.
 
@@ -245,21 +262,24 @@ class Machine:
         return poses
 
     def configurations(self, q: Floats) -> Floats:
-        """Return Pinocchio's configurations (n, nq) of (n, k) axis values; a continuous joint becomes cosine and sine.
+        """Return Pinocchio's configurations (n, nq) of (n, k) axis values, with those of the joints that follow them.
+
+        A continuous joint becomes cosine and sine.
 
         Raises:
             ConfigurationRefused: q has another shape, or a value that is not finite.
         """
         values = self._checked(q)
         configurations = np.empty((len(values), self.model.nq))
-        for column, name in enumerate(self.names):
-            joint = self.model.getJointId(name)
+        for moving in self._moving:
+            joint = self.model.getJointId(moving.name)
             first = self.model.idx_qs[joint]
+            turned = moving.multiplier * values[:, self.column(moving.mimics or moving.name)] + moving.offset
             if self.model.nqs[joint] == 2:
-                configurations[:, first] = np.cos(values[:, column])
-                configurations[:, first + 1] = np.sin(values[:, column])
+                configurations[:, first] = np.cos(turned)
+                configurations[:, first + 1] = np.sin(turned)
             else:
-                configurations[:, first] = values[:, column]
+                configurations[:, first] = turned
         return configurations
 
     def _checked(self, q: Floats) -> Floats:
@@ -301,65 +321,18 @@ class Machine:
         return ancestors
 
 
-def _driven_joints(path: Path) -> dict[str, tuple[str, Mapping[str, str]]]:
-    """Return type and limits of the driven joints by name, in the file's order (Pinocchio sorts siblings by name)."""
-    try:
-        root = ElementTree.fromstring(path.read_bytes())
-    except OSError as error:
-        raise ModelRefused(f"{path}: cannot be read as a URDF: {error.strerror}") from error
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise ModelRefused(f"{path}: not a URDF: {error}") from error
-    if root.tag != "robot" or "name" not in root.attrib:
-        raise ModelRefused(f"{path}: not a URDF: the root element is <{root.tag}>, expected <robot name=...>")
-    joints: dict[str, tuple[str, Mapping[str, str]]] = {}
-    for element in root.findall("joint"):
-        name, kind = element.get("name", ""), element.get("type", "")
-        if not name or kind not in (*_MOVING, "fixed"):
-            raise ModelRefused(
-                f"{path}: joint {name!r} is of type {kind!r}, expected one of {', '.join(_MOVING)}, fixed"
-            )
-        if kind == "fixed" or element.find("mimic") is not None:
-            continue
-        limit = element.find("limit")
-        if limit is None or "velocity" not in limit.attrib or "effort" not in limit.attrib:
-            raise ModelRefused(f"{path}: joint {name!r} needs a <limit> with lower, upper, velocity and effort")
-        joints[name] = kind, limit.attrib
-    if not joints:
-        raise ModelRefused(f"{path}: no joint moves")
-    return joints
-
-
-def _pinocchio_model(path: Path) -> pinocchio.Model:
-    try:
-        return pinocchio.buildModelFromUrdf(str(path), mimic=True)
-    except (ValueError, RuntimeError) as error:
-        raise ModelRefused(f"{path}: Pinocchio cannot build it: {' '.join(str(error).split())}") from error
-
-
-def _axis(path: Path, model: pinocchio.Model, name: str, kind: str, limit: Mapping[str, str]) -> Axis:
-    joint = model.getJointId(name)
-    first = model.idx_qs[joint]
-    endless = kind == "continuous"
+def _axis(path: Path, joint: Joint) -> Axis:
     axis = Axis(
-        name=name,
-        revolute=kind != "prismatic",
-        lower=-np.inf if endless else float(model.lowerPositionLimit[first]),
-        upper=np.inf if endless else float(model.upperPositionLimit[first]),
-        speed=float(model.velocityLimit[model.idx_vs[joint]]),
-        acceleration=_stated(path, name, limit, "acceleration"),
-        jerk=_stated(path, name, limit, "jerk"),
+        name=joint.name,
+        revolute=joint.kind != "prismatic",
+        lower=joint.lower,
+        upper=joint.upper,
+        speed=joint.speed,
+        acceleration=joint.acceleration,
+        jerk=joint.jerk,
     )
     _check_axis(path, axis)
     return axis
-
-
-def _stated(path: Path, name: str, limit: Mapping[str, str], attribute: str) -> float:
-    """Return an attribute of URDF 1.2 that Pinocchio does not read; inf where the file does not state it."""
-    text = limit.get(attribute, "inf")
-    try:
-        return float(text)
-    except ValueError:
-        raise ModelRefused(f"{path}: joint {name!r} has {attribute} {text!r}, expected a number above 0") from None
 
 
 def _check_axis(path: Path, axis: Axis) -> None:
@@ -377,22 +350,16 @@ def _check_axis(path: Path, axis: Axis) -> None:
         raise ModelRefused(f"{path}: axis {axis.name} has a jerk but no acceleration; state both, or neither")
 
 
-def _joints(path: Path, model: pinocchio.Model, column_of: Mapping[int, int]) -> tuple[_Joint, ...]:
+def _joints(model: pinocchio.Model, moving: Iterable[Joint], columns: Mapping[str, int]) -> tuple[_Joint, ...]:
     neutral = pinocchio.neutral(model)
+    by_name = {joint.name: joint for joint in moving}
     # Joint 0 is the root: it never moves and is never evaluated.
     joints = [_Joint(0, 0, False, 1.0, 0.0, STILL, (), (), ())]
     for index in range(1, model.njoints):
-        joint = model.joints[index]
+        joint, stated = model.joints[index], by_name[model.names[index]]
         state = joint.createData()
         joint.calc(state, neutral)
         subspace = np.asarray(state.S, dtype=np.float64).reshape(6)
-        scaling, offset, first = 1.0, 0.0, int(model.idx_qs[index])
-        if joint.shortname() == "JointModelMimic":
-            mimic = joint.extract()
-            scaling, offset = float(mimic.scaling), float(mimic.offset)
-            if scaling == 0:
-                raise ModelRefused(f"{path}: joint {model.names[index]!r} mimics with multiplier 0: make it fixed")
-            subspace = subspace / scaling
         placement = model.jointPlacements[index]
         rotation, origin = placement.rotation, placement.translation
         linear, axis = subspace[:3], subspace[3:]
@@ -402,10 +369,10 @@ def _joints(path: Path, model: pinocchio.Model, column_of: Mapping[int, int]) ->
         joints.append(
             _Joint(
                 parent=int(model.parents[index]),
-                column=column_of[first],
+                column=columns[stated.mimics or stated.name],
                 revolute=revolute,
-                scaling=scaling,
-                offset=offset,
+                scaling=stated.multiplier,
+                offset=stated.offset,
                 still=constant(rotation @ projector if revolute else rotation, origin),
                 cosine=snapped(rotation @ (np.eye(3) - projector)),
                 sine=snapped(rotation @ pinocchio.skew(axis)),

@@ -68,7 +68,7 @@ class Clock(Frozen):
     def times(self, blocks: Ints, fractions: Floats) -> Floats:
         """Return the seconds (m,) from the program's start to fractions (m,) of the way along blocks (m,)."""
         begins, ends = self.ends[blocks], self.ends[blocks + 1]
-        even = begins + fractions * (ends - begins)
+        even = np.where(fractions == 1.0, ends, begins + fractions * (ends - begins))
         lengths = self.reached[blocks + 1] - self.reached[blocks]
         moving = np.flatnonzero((lengths > 0.0) & (fractions > 0.0) & (fractions < 1.0))
         if not len(moving) or not len(self.marks):

@@ -17,6 +17,8 @@ REVERSAL = 1.0 - 0.5 * math.radians(2.0) ** 2
 ARC_SHARE = math.sqrt(3.0) / 2.0
 # LinuxCNC keeps a block that follows a tangent corner a little longer than a servo cycle.
 OVER_A_CYCLE = 1.02
+# Shares below this are rounding.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,9 @@ class Passing(Frozen):
         caps: (m,) greatest path speed at each block's end; 0 for a stop or a blend.
         onsets: (m,) path speed below which a braking block lets the next begin; 0 where none may.
         pauses: (m,) seconds that a stop at the end costs beyond the ramps.
-        rounding: (m,) seconds within which a corner that is passed at speed turns, 0 where it is straight.
+        rounding: (m,) seconds within which a corner that is passed at speed turns, 0 where it is straight or an arc.
+        trims: (m,) path units on either side of a corner that an arc replaces, 0 where there is none.
+        arcs: (m,) path units of that arc, on which the speed is constant.
     """
 
     speeds: Floats
@@ -152,6 +156,8 @@ class Passing(Frozen):
     onsets: Floats
     pauses: Floats
     rounding: Floats
+    trims: Floats
+    arcs: Floats
 
 
 def passing(chain: Chain, rule: Rule) -> Passing:
@@ -163,7 +169,7 @@ def passing(chain: Chain, rule: Rule) -> Passing:
     turns = _turns(chain)
     rounding = np.zeros(len(caps))
     rounding[:-1] = np.max(turns / chain.axes, axis=1, initial=0.0) * caps[:-1]
-    return Passing(chain.speeds, chain.accelerations, caps, nothing, nothing, rounding)
+    return Passing(chain.speeds, chain.accelerations, caps, nothing, nothing, rounding, nothing, nothing)
 
 
 def _turns(chain: Chain) -> Floats:
@@ -179,12 +185,14 @@ def _looked_ahead(chain: Chain) -> Floats:
     axis (a millimetre counts as a degree), and takes no more than half of either block.
     """
     turns = _turns(chain)
-    room = np.minimum(chain.lengths[1:], chain.lengths[:-1])[:, None]
+    room = np.minimum(chain.lengths[1:], chain.lengths[:-1])
+    slowest = np.max(turns / chain.axes, axis=1, initial=0.0)
     within = chain.tolerances[:-1, None] * chain.scales
     with np.errstate(divide="ignore", invalid="ignore"):
-        squares = np.where(turns > 0.0, chain.axes / turns * np.minimum(8.0 * within / turns, room), math.inf)
+        rounded = np.min(np.where(turns > 0.0, 8.0 * within / turns, math.inf), axis=1, initial=math.inf)
+        squares = np.where(slowest > 0.0, np.minimum(rounded, room) / slowest, math.inf)
     caps = np.zeros(len(chain.lengths))
-    caps[:-1] = np.sqrt(np.min(squares, axis=1, initial=math.inf))
+    caps[:-1] = np.sqrt(squares)
     passed = chain.joined & (chain.tolerances[:-1] > 0.0) & (chain.groups[1:] == chain.groups[:-1])
     caps[:-1] = np.where(passed, np.minimum(caps[:-1], np.minimum(chain.speeds[:-1], chain.speeds[1:])), 0.0)
     return caps
@@ -195,7 +203,7 @@ def _linuxcnc(chain: Chain, rule: Rule) -> Passing:
 
     Where a rotary axis or U, V, W moves, a block ends in a full stop, or in a parabolic blend at half its acceleration.
     Where only X, Y, Z move, a corner is also passed at speed if it is straight enough, and its kink is taken off the
-    acceleration of both blocks.
+    acceleration of both blocks; or on an arc within the tolerance.
     """
     leaving, entering = _units(chain.ends[:-1, chain.xyz]), _units(chain.begins[1:, chain.xyz])
     others = np.any(np.delete(chain.shares, chain.xyz, axis=1) != 0.0, axis=1)
@@ -209,7 +217,7 @@ def _linuxcnc(chain: Chain, rule: Rule) -> Passing:
     kinks = np.max(swing / chain.axes[list(chain.xyz)], axis=1, initial=0.0)
     plain, reversed_ = ~others[:-1] & ~others[1:], cosines < -REVERSAL
     kinked = chain.joined & plain & ~reversed_
-    tangent, share, corner = _passed(chain, kinked, blended[:-1], kinks, half, reached, rule)
+    tangent, share, corner, radii = _passed(chain, kinked, blended[:-1], kinks, half, speeds, rule)
     parabolic = chain.joined & blended[:-1] & ~tangent & ~(plain & reversed_)
     ends = np.append(parabolic | (chain.broken[:-1] & blended[:-1]), blended[-1:])
     # Where only X, Y, Z move, a blend halves the acceleration of the next block, too.
@@ -222,10 +230,13 @@ def _linuxcnc(chain: Chain, rule: Rule) -> Passing:
     caps = np.zeros(len(speeds))
     caps[:-1] = np.where(tangent, np.minimum(np.minimum(tops[:-1], tops[1:]), corner), 0.0)
     onsets = np.zeros(len(speeds))
-    onsets[:-1] = np.where(parabolic, _onsets(chain, speeds, accelerations, half), 0.0)
+    onsets[:-1] = np.where(parabolic, _onsets(chain, speeds, accelerations, half, rule.cycle), 0.0)
     # A full stop ends on a servo cycle: half a cycle on average.
     stops = np.append(~tangent & ~parabolic, True)
-    return Passing(speeds, accelerations, caps, onsets, np.where(stops, rule.cycle / 2.0, 0.0), np.zeros(len(speeds)))
+    trims = np.append(radii * half / np.sqrt(np.maximum(1.0 - half**2, 1e-12)), 0.0)
+    arcs = np.append(radii * 2.0 * np.arcsin(half), 0.0)
+    pauses = np.where(stops, rule.cycle / 2.0, 0.0)
+    return Passing(speeds, accelerations, caps, onsets, pauses, np.zeros(len(speeds)), trims, arcs)
 
 
 def _units(xyz: Floats) -> Floats:
@@ -236,9 +247,24 @@ def _units(xyz: Floats) -> Floats:
 
 
 def _passed(
-    chain: Chain, plain: Mask, blended: Mask, kinks: Floats, half: Floats, reached: Floats, rule: Rule
-) -> tuple[Mask, Floats, Floats]:
-    """Return which corners (m - 1,) LinuxCNC passes at speed, the share of acceleration that costs, and the speed."""
+    chain: Chain, plain: Mask, blended: Mask, kinks: Floats, half: Floats, speeds: Floats, rule: Rule
+) -> tuple[Mask, Floats, Floats, Floats]:
+    """Return which corners (m - 1,) LinuxCNC passes at speed.
+
+    Args:
+        chain: the moving blocks.
+        plain: (m - 1,) whether a corner can be passed at speed at all.
+        blended: (m - 1,) whether it may be rounded off.
+        kinks: (m - 1,) its kink as a share of the acceleration.
+        half: (m - 1,) cosine of half the angle between the blocks.
+        speeds: (m,) greatest path speed of each block.
+        rule: of the control.
+
+    Returns:
+        (m - 1,) which are passed at speed, the share of acceleration that costs, the speed there, and the radius of the
+        arc in path units, 0 where there is none.
+    """
+    reached = np.minimum(speeds[:-1], speeds[1:])
     smooth = plain & (kinks < rule.kink)
     kinked = reached * rule.kink / np.where(kinks > 0.0, kinks, 1.0)
     sines = np.sin(np.arccos(half))
@@ -246,23 +272,39 @@ def _passed(
     shorter = np.minimum(chain.lengths[:-1], chain.lengths[1:]) / 2.0
     reach = np.minimum(tolerances * half / np.maximum(1.0 - sines, 1e-12), shorter)
     weaker = np.minimum(chain.accelerations[:-1], chain.accelerations[1:])
-    arc = np.sqrt(weaker * ARC_SHARE * reach * sines / np.maximum(half, 1e-9))
+    widest = reach * sines / np.maximum(half, 1e-9)
+    arc = np.sqrt(weaker * ARC_SHARE * widest)
     peaks = np.sqrt(chain.accelerations / 2.0 * chain.lengths)
     rounded = 2.0 * np.sqrt(chain.accelerations[:-1] / 2.0 * tolerances / np.maximum(half, 1e-9))
     parabola = sines * np.minimum(np.minimum(peaks[:-1], peaks[1:]), np.minimum(reached, rounded)) / 2.0
     arced = plain & ~smooth & blended & (np.maximum(kinked, arc) > parabola)
-    share = np.where(smooth, kinks, np.where(plain & (arced | ~blended) & ~(arced & (arc > kinked)), rule.kink, 0.0))
-    return smooth | arced, share, np.where(smooth, reached, np.minimum(np.maximum(kinked, arc), reached))
+    curved = arced & (arc > kinked)
+    share = np.where(smooth, kinks, np.where(plain & (arced | ~blended) & ~curved, rule.kink, 0.0))
+    # The arc is no wider than its speed asks, or than a parabolic blend would reach.
+    planned = np.minimum(arc, np.maximum(speeds[:-1], speeds[1:]))
+    turned = 2.0 * np.arcsin(np.minimum(half, 1.0))
+    blend = np.minimum(np.sqrt(weaker * reach), planned) * planned * 2.0 / weaker / np.maximum(turned, 1e-9)
+    radii = np.where(curved, np.maximum(planned**2 / (weaker * ARC_SHARE), np.minimum(blend, widest)), 0.0)
+    return smooth | arced, share, np.where(smooth, reached, np.minimum(np.maximum(kinked, arc), reached)), radii
 
 
-def _onsets(chain: Chain, speeds: Floats, accelerations: Floats, half: Floats) -> Floats:
+def _onsets(chain: Chain, speeds: Floats, accelerations: Floats, half: Floats, cycle: float) -> Floats:
     """Return the path speed (m - 1,) below which a braking block lets the next one begin."""
-    peaks = np.minimum(np.sqrt(accelerations * chain.lengths), speeds)
+    triangles = np.sqrt(accelerations * chain.lengths)
+    peaks = np.minimum(triangles, speeds)
     first, second = peaks[:-1], peaks[1:]
     longest = np.minimum(chain.lengths[:-1] / first, chain.lengths[1:] / second)
     span = np.minimum(longest, np.maximum(first / accelerations[:-1], second / accelerations[1:]))
     onsets = np.minimum(first, span * accelerations[:-1])
     rounded = 2.0 * np.sqrt(accelerations[:-1] * chain.tolerances[:-1] / np.where(half > 0.0, half, 1.0))
     bounded = half > math.cos(math.pi / 2.0 - 1e-3)
-    limited: Floats = np.where(bounded, np.minimum(onsets, rounded), onsets)
-    return limited
+    onsets = np.where(bounded, np.minimum(onsets, rounded), onsets)
+    # The cycle in which the speed falls below it is the first of the next block, half a cycle early on average; at the
+    # peak of a block that never reaches its speed, the fall is seen half a cycle late, too.
+    overlaps = onsets / accelerations[:-1]
+    spans = peaks / accelerations + np.maximum(chain.lengths / peaks, peaks / accelerations)
+    room = np.maximum(spans - np.append(0.0, overlaps) - np.append(overlaps, 0.0), 0.0) / 2.0
+    seen = (onsets < first * (1.0 - ROUNDING)) | (speeds[:-1] < triangles[:-1] * (1.0 - ROUNDING))
+    early = np.where(seen, np.minimum(cycle / 2.0, np.minimum(room[:-1], room[1:])), 0.0)
+    earlier: Floats = onsets + accelerations[:-1] * early
+    return earlier

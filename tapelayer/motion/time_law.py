@@ -282,11 +282,11 @@ def _turning(bends: Floats, speeds: Floats, tops: Floats, accelerations: Floats)
 
 @dataclass(frozen=True, eq=False)
 class _Ramps(Frozen):
-    """Trapezoids of path speed, one a moving block.
+    """Trapezoids of path speed, one a moving block, and halves of the arcs at its corners.
 
     Attributes:
-        begins: (m,) seconds at which each begins.
-        ends: (m,) seconds at which each ends.
+        begins: (m,) seconds at which each trapezoid begins, after the arc at the corner before.
+        ends: (m,) seconds at which each ends, before the arc at the corner after.
         waits: (m,) seconds after the end before the next may begin, if the control stops.
         first: (m,) path speed at the beginning.
         tops: (m,) greatest path speed.
@@ -294,6 +294,7 @@ class _Ramps(Frozen):
         accelerations: (m,) of both ramps.
         overlaps: (m,) seconds by which the next one begins before the end.
         rounding: (m,) seconds in which a corner passed at speed turns.
+        trims: (m,) path units before and after the corner that an arc replaces, in all of that time.
     """
 
     begins: Floats
@@ -305,17 +306,37 @@ class _Ramps(Frozen):
     accelerations: Floats
     overlaps: Floats
     rounding: Floats
+    trims: Floats
+
+    @property
+    def arcs(self) -> Floats:
+        """Seconds (m,) of half the arc at each block's end."""
+        return np.where(self.trims > 0.0, self.rounding / 2.0, 0.0)
+
+    @property
+    def corners(self) -> Floats:
+        """Path speed (m,) at each block's end: on an arc, path units that it replaces a second."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.trims > 0.0, self.trims / self.arcs, self.last)
 
     def beside(self, times: Floats, shift: int) -> Floats:
-        """Return the path speed (m, 4) that the block before (`shift` -1) or after (1) gives at times (m, 4)."""
+        """Return the path speed (m, c) that the block before (`shift` -1) or after (1) gives at times (m, c)."""
         rows = slice(max(-shift, 0), len(times) - max(shift, 0))
         other = slice(max(shift, 0), len(times) + min(shift, 0))
         found = np.zeros_like(times)
         since, left = times[rows] - self.begins[other, None], self.ends[other, None] - times[rows]
         rate = self.accelerations[other, None]
         ramps = np.minimum(self.first[other, None] + rate * since, self.last[other, None] + rate * left)
-        inside = (since > SAME_MOMENT) & (left > SAME_MOMENT)
-        found[rows] = np.where(inside, np.minimum(ramps, self.tops[other, None]), 0.0)
+        # A block may begin with the one before; where the next begins, its own speed there is the one that counts.
+        begun = since > -SAME_MOMENT if shift < 0 else since > SAME_MOMENT
+        inside = begun & (left > SAME_MOMENT)
+        speeds = np.where(inside, np.minimum(ramps, self.tops[other, None]), 0.0)
+        # The halves of the arcs at its corners.
+        arcs, corners = self.arcs[other, None], self.corners[other, None]
+        before = np.append(0.0, self.arcs[:-1])[other, None], np.append(0.0, self.corners[:-1])[other, None]
+        after = (left <= SAME_MOMENT) & (left + arcs > SAME_MOMENT)
+        ahead = ~begun & (since + before[0] > SAME_MOMENT)
+        found[rows] = speeds + np.where(after, corners, 0.0) + np.where(ahead, before[1], 0.0)
         return found
 
 
@@ -328,19 +349,22 @@ def _ramps(chain: Chain, passed: Passing, jerks: Floats, stood: Floats) -> _Ramp
         jerks: (k,) greatest jerk of every axis.
         stood: (m,) seconds stood still by non-moving blocks up to each block.
     """
-    lengths, speeds, rates = chain.lengths, passed.speeds, passed.accelerations
+    lengths = chain.lengths - passed.trims - np.append(0.0, passed.trims[:-1])
+    speeds, rates = passed.speeds, passed.accelerations
     first, last = _reachable(lengths, speeds, rates, passed.caps)
     tops = np.minimum(speeds, np.sqrt((2.0 * rates * lengths + first**2 + last**2) / 2.0))
     ramped = (2.0 * tops**2 - first**2 - last**2) / (2.0 * rates)
     seconds = (2.0 * tops - first - last) / rates + np.maximum(lengths - ramped, 0.0) / tops
-    overlaps, rounding, pauses = passed.onsets / rates, passed.rounding, passed.pauses
+    overlaps, pauses = passed.onsets / rates, passed.pauses
+    rounding = np.divide(passed.arcs, last, out=passed.rounding.copy(), where=passed.arcs > 0.0)
     if np.any(np.isfinite(jerks)):
         stretch = _stretch(chain, seconds, last, overlaps, speeds, rates, jerks)
         seconds, overlaps, rounding = seconds * stretch, overlaps * stretch, rounding * stretch
         first, tops, last, rates = first / stretch, tops / stretch, last / stretch, rates / stretch**2
-    waited = np.append(0.0, np.cumsum(pauses - overlaps)[:-1])
+    turned = np.where(passed.trims > 0.0, rounding, 0.0)
+    waited = np.append(0.0, np.cumsum(pauses - overlaps + turned)[:-1])
     ends = np.cumsum(seconds) + waited + stood
-    return _Ramps(ends - seconds, ends, pauses, first, tops, last, rates, overlaps, rounding)
+    return _Ramps(ends - seconds, ends, pauses, first, tops, last, rates, overlaps, rounding, passed.trims)
 
 
 def _reachable(lengths: Floats, speeds: Floats, rates: Floats, caps: Floats) -> tuple[Floats, Floats]:
@@ -388,11 +412,19 @@ def _clock(ramps: _Ramps, rows: Ints, reached: Floats, standing: Floats) -> Cloc
     fall = (ramps.tops - ramps.last) / ramps.accelerations
     times = np.column_stack([ramps.begins, ramps.begins + rise, ramps.ends - fall, ramps.ends])
     speeds = np.column_stack([ramps.first, ramps.tops, ramps.tops, ramps.last])
+    if np.any(ramps.trims):
+        # The half arcs before and after: the straight path that they replace passes at a constant speed.
+        arcs, corners = ramps.arcs, ramps.corners
+        before = np.append(0.0, arcs[:-1]), np.append(ramps.first[0], corners[:-1])
+        times = np.column_stack([ramps.begins - before[0], ramps.begins, times, ramps.ends, ramps.ends + arcs])
+        speeds = np.column_stack([before[1], before[1], speeds, corners, corners])
     moments = times.ravel()
     if np.any(ramps.overlaps):
         speeds = speeds + ramps.beside(times, -1) + ramps.beside(times, 1)
         order = np.argsort(moments, kind="stable")
         moments, speeds = moments[order], speeds.ravel()[order]
+    else:
+        moments = np.maximum.accumulate(moments)
     speeds = speeds.ravel()
     marks = np.append(0.0, np.cumsum(np.diff(moments) * (speeds[:-1] + speeds[1:]) / 2.0))
     stands = (ramps.last == 0.0) & (ramps.overlaps == 0.0)
@@ -426,10 +458,11 @@ def _blends(ramps: _Ramps, rows: Ints, count: int) -> Blends | None:
     following[rows[joined]], preceding[rows[joined + 1]] = rows[joined + 1], rows[joined]
     begins, spans, braking, starting = (np.zeros(count) for _ in range(4))
     turned = ramps.overlaps[joined] == 0.0
-    begins[rows[joined]] = np.where(turned, ramps.ends[joined] - overlaps[joined] / 2.0, ramps.begins[joined + 1])
+    finish = ramps.ends[joined] + ramps.arcs[joined]
+    begins[rows[joined]] = np.where(turned, finish - overlaps[joined] / 2.0, ramps.begins[joined + 1])
     spans[rows[joined]] = overlaps[joined]
     # A corner passed at speed turns evenly: as if one block gave up the speed while the other took it on.
-    even = ramps.last[joined] / overlaps[joined]
+    even = ramps.corners[joined] / overlaps[joined]
     braking[rows[joined]] = np.where(turned, even, ramps.accelerations[joined])
     starting[rows[joined]] = np.where(turned, even, ramps.accelerations[joined + 1])
     return Blends(following, preceding, begins, spans, braking, starting)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
-Language = Literal["en", "zh"]
-LANGUAGES: tuple[Language, ...] = get_args(Language)
+from tapelayer.language import LANGUAGES, Language
 
 
 class Words(NamedTuple):
@@ -60,16 +58,6 @@ class Say:
 
 
 ENGLISH = Say("en")
-
-
-def language_of(environment: Mapping[str, str]) -> Language:
-    """Return the language of a locale, as the environment names it (POSIX: the first that is set counts).
-
-    >>> language_of({"LANG": "zh_CN.UTF-8"}), language_of({"LANG": "zh_CN.UTF-8", "LC_ALL": "C"}), language_of({})
-    ('zh', 'en', 'en')
-    """
-    locale = next((environment[key] for key in ("LC_ALL", "LC_MESSAGES", "LANG") if environment.get(key)), "")
-    return "zh" if locale.lower().startswith("zh") else "en"
 
 
 def language_accepted(header: str) -> Language:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +20,7 @@ from tapelayer.geometry.stl import parse_mesh
 from tapelayer.jobs.job import UNTOLD, JobResult, MachineJob, is_timed, machine_of
 from tapelayer.jobs.part_size import check_size
 from tapelayer.jobs.stages import COATING, PLANNING, SLICING
+from tapelayer.language import Language
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import Steps
@@ -27,7 +29,7 @@ from tapelayer.reporting.not_judged import english, unjudged
 from tapelayer.reporting.quantity import numbers
 from tapelayer.reporting.subject import Occasion
 from tapelayer.reporting.summary import summary
-from tapelayer.reporting.words import Language, Say
+from tapelayer.reporting.words import Say
 from tapelayer.spraying import page
 from tapelayer.spraying.coat import coat_of
 from tapelayer.spraying.evidence import SprayEvidence
@@ -96,6 +98,8 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
         """
         controller = load(setup.output.controller)
         machine = machine_of(setup, SPRAYER)
+        machine.check_travel(AXES)
+        controller.check_units({axis.name: axis.revolute for axis in machine.axes})
         profile = b""
         more: tuple[NamedFile, ...] = ()
         if setup.footprint.profile is not None:
@@ -156,6 +160,10 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             NothingToSpray: no part of the surface can be reached.
         """
         return plan_passes(self.mesh, self.setup, self.machine, self.pitch)
+
+    def numbers(self, trajectory: Trajectory) -> Sequence[int]:
+        """Return the numbers of the passes, which count from 1."""
+        return range(1, int(trajectory.courses.max(initial=-1)) + 2)
 
     def planned(self, steps: Steps) -> tuple[Spraying, Trajectory]:
         """Return the passes as they are sprayed, and their trajectory.

@@ -37,6 +37,7 @@ class Fault(BaseModel):
     line: Annotated[int, Field(description="from 1; 0 where no line applies")]
     column: Annotated[int, Field(description="from 1; 0 where no column applies")]
     sentence: Annotated[str, Field(description="what is wrong, for a person")]
+    translations: Annotated[dict[str, str], Field(description="the sentence, by the code of another language")] = {}
 
 
 class ProblemDetails(BaseModel):
@@ -48,6 +49,7 @@ class ProblemDetails(BaseModel):
     title: Annotated[str, Field(description="the same for every problem with this code")]
     status: Annotated[int, Field(description="HTTP status")]
     detail: Annotated[str, Field(description="what is wrong this time; one line a fault")]
+    translations: Annotated[dict[str, str], Field(description="the detail, by the code of another language")] = {}
     code: Annotated[str, Field(description="stable")]
     faults: Annotated[list[Fault], Field(description="of a file that is refused")] = []
     failures: Annotated[list[dict[str, Any]], Field(description="of verification, as in the report")] = []

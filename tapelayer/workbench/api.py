@@ -17,7 +17,8 @@ from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
 from tapelayer.jobs.kinds import KindName, kind_of
-from tapelayer.reporting.words import Language, language_accepted
+from tapelayer.language import Language
+from tapelayer.reporting.words import language_accepted
 from tapelayer.setups.sections import parse_setup, whole_text
 from tapelayer.workbench.answers import (
     FORM,
@@ -408,7 +409,11 @@ def _result(record: Record, request: Request, name: str) -> Path:
     raise Problem("not-made", f"this job has none: it is of kind {record.kind}")
 
 
+# Members of a problem that it makes itself.
+REBUILT = ("type", "title", "status", "detail", "translations", "code")
+
+
 def _problem(body: Mapping[str, Any]) -> Problem:
     """Return a problem that a worker reported."""
-    evidence = {key: value for key, value in body.items() if key not in ("type", "title", "status", "detail", "code")}
+    evidence = {key: value for key, value in body.items() if key not in REBUILT}
     return Problem(body["code"], body["detail"], **evidence)

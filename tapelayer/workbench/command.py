@@ -15,6 +15,7 @@ import typer
 from tapelayer.command_help import Command
 from tapelayer.dispatch import run
 from tapelayer.errors import ServeRefused
+from tapelayer.sentences import said
 
 EPILOG = (
     "Example: [bold]tapelayer serve --host 0.0.0.0 --token-file token --tls-cert cell.pem --tls-key cell.key[/bold]"
@@ -27,7 +28,10 @@ OTHERS_MAY = 0o077
 
 def serve(
     host: Annotated[
-        str, typer.Option("--host", help="Address to listen on; other than this machine's own wants a token.")
+        str,
+        typer.Option(
+            "--host", metavar="ADDRESS", help="Address to listen on; other than this machine's own wants a token."
+        ),
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port; 0 takes any free one.")] = 8765,
     work_dir: Annotated[
@@ -96,7 +100,7 @@ def _token(file: Path) -> str:
             "make one with: openssl rand -hex 32"
         )
     if mode & OTHERS_MAY:
-        sys.stderr.write(f"{file}: other users of this machine may read the token; chmod 600 it\n")
+        sys.stderr.write(said(f"{file}: other users of this machine may read the token; chmod 600 it") + "\n")
     return token
 
 
@@ -113,9 +117,9 @@ def _check_reach(host: str, token: bool, tls: bool, insecure: bool) -> None:
             f"--host {host} lets other machines in: give a --token-file, or --insecure if all of them are trusted"
         )
     if not token:
-        sys.stderr.write(f"insecure: whoever reaches {host} may use this server\n")
+        sys.stderr.write(said(f"insecure: whoever reaches {host} may use this server") + "\n")
     if not tls:
-        sys.stderr.write("without --tls-cert, programs and tokens can be read and changed on their way\n")
+        sys.stderr.write(said("without --tls-cert, programs and tokens can be read and changed on their way") + "\n")
 
 
 def _is_own(host: str) -> bool:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from tapelayer.errors import InputFault, InputRefused, TapelayerError, VerificationFailed
+from tapelayer.language import OTHERS
+from tapelayer.sentences import translated
 from tapelayer.verification.failures import Findings
 
 MEDIA_TYPE = "application/problem+json"
@@ -213,15 +215,27 @@ class Problem(Exception):
         return self.kind.status
 
     def body(self) -> dict[str, Any]:
-        """Return the problem as plain values for JSON."""
+        """Return the problem as plain values for JSON, its detail in the other languages beside the English."""
         return {
             "type": f"/problems/{self.code}",
             "title": self.kind.title,
             "status": self.status,
             "detail": self.detail,
+            "translations": translations(self.detail),
             "code": self.code,
             **self.evidence,
         }
+
+
+def translations(sentence: str) -> dict[str, str]:
+    """Return a sentence in each other language that has it, by the language's code.
+
+    Examples:
+        >>> translations("the job was cancelled")
+        {'zh': '任务已取消'}
+    """
+    told = {language: translated(sentence, language) for language in OTHERS}
+    return {language: other for language, other in told.items() if other != sentence}
 
 
 def internal() -> Problem:
@@ -265,7 +279,12 @@ def code_of(error: type[TapelayerError]) -> str:
 
 
 def _fault(fault: InputFault) -> dict[str, Any]:
-    values: dict[str, Any] = {"line": fault.line, "column": fault.column, "sentence": fault.sentence}
+    values: dict[str, Any] = {
+        "line": fault.line,
+        "column": fault.column,
+        "sentence": fault.sentence,
+        "translations": translations(fault.sentence),
+    }
     if fault.place:
         values["section"], values["key"] = fault.place[0], ".".join(fault.place[1:2])
     return values

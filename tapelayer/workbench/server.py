@@ -35,6 +35,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from tapelayer.errors import ServeRefused, TapelayerError
+from tapelayer.sentences import said
 from tapelayer.workbench.access import (
     DOCS,
     LOOPBACK,
@@ -50,7 +51,7 @@ from tapelayer.workbench.access import (
     problem_response,
 )
 from tapelayer.workbench.foreman import Foreman, Limits
-from tapelayer.workbench.problems import CODES, EVERYWHERE, Problem, problem_of, responses
+from tapelayer.workbench.problems import CODES, EVERYWHERE, Problem, problem_of, responses, translations
 from tapelayer.workbench.store import Store
 
 STATIC = Path(__file__).parent / "static"
@@ -323,7 +324,7 @@ class _Server(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start, and print the page's address."""
         await super().startup(sockets)
-        Console().print(f"workbench: {self._address} (Ctrl+C ends it)", highlight=False, soft_wrap=True)
+        Console().print(said(f"workbench: {self._address} (Ctrl+C ends it)"), highlight=False, soft_wrap=True)
         if self._open_page:
             threading.Thread(target=webbrowser.open, args=(self._address,), daemon=True).start()
 
@@ -360,7 +361,10 @@ async def _refused(request: Request, error: Exception) -> Response:
 async def _invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
     sentences = [f"{_place(fault['loc'])}: {fault['msg']}" for fault in error.errors()]
-    faults = [{"line": 0, "column": 0, "sentence": sentence} for sentence in sentences[:SHOWN_FAULTS]]
+    faults = [
+        {"line": 0, "column": 0, "sentence": sentence, "translations": translations(sentence)}
+        for sentence in sentences[:SHOWN_FAULTS]
+    ]
     detail = "\n".join(sentences[:SHOWN_FAULTS])
     return problem_response(Problem("invalid-request", detail, faults=faults, fault_count=len(sentences)))
 

@@ -28,7 +28,7 @@ from typing import Any, Literal
 
 from tapelayer.atomic_files import write_files
 from tapelayer.errors import WorkDirectoryRefused
-from tapelayer.reporting.words import Language
+from tapelayer.language import Language
 from tapelayer.workbench.problems import Problem
 
 # File of the report's page by its language.

@@ -15,6 +15,7 @@ from defusedxml import DefusedXmlException
 
 from post import controllers
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds
+from tapelayer.machines.urdf_file import xml_text
 from tapelayer.setups.forms import NAME, text_of
 from tapelayer.setups.sections import parse_setup
 from tapelayer.units import Unit
@@ -108,8 +109,10 @@ def _check_field(field: str, what: str, given: Collection[str], name: KindName) 
     """Refuse a field that belongs to jobs of another kind."""
     if field in given and field not in kind_of(name).source.fields:
         owners = " or ".join(other for other in NAMES if field in kind_of(other).source.fields)
-        hint = ", course files are in mm" if field == "unit" else ""
-        raise invalid(f"{field}: {what} belongs to kind {owners}{hint}; leave it out")
+        raise invalid(
+            f"{field}: {what} belongs to kind {owners}"
+            f"{', course files are in mm' if field == 'unit' else ''}; leave it out"
+        )
 
 
 def _setup(form: Form, name: KindName) -> str:
@@ -154,7 +157,7 @@ def _check_urdf(path: Path, name: str, parts: Mapping[str, Path]) -> None:
     if size > LARGEST_URDF:
         raise Problem("upload-too-large", f"{name}: has {size} bytes, a URDF may have {LARGEST_URDF}")
     try:
-        root = defusedxml.ElementTree.fromstring(path.read_bytes(), forbid_dtd=True)
+        root = defusedxml.ElementTree.fromstring(xml_text(path.read_bytes()), forbid_dtd=True)
     except DefusedXmlException:
         sentence = f"{name}: declares a document type, entities or what lies elsewhere; send plain XML"
         raise Problem("xml-refused", sentence) from None

@@ -30,9 +30,9 @@ from tapelayer.jobs.job import JobResult, MachineJob
 from tapelayer.jobs.kind import JobKind
 from tapelayer.jobs.kinds import kind_of, kinds
 from tapelayer.jobs.stages import READING, SAVING, Weights
+from tapelayer.language import LANGUAGES
 from tapelayer.provenance import moment
 from tapelayer.reporting.subject import Occasion
-from tapelayer.reporting.words import LANGUAGES
 from tapelayer.setups.sections import parse_setup
 from tapelayer.workbench import problems, scene
 from tapelayer.workbench.problems import Problem

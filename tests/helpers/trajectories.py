@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tapelayer.motion.trajectory import Trajectory
+from tapelayer.motion.trajectory import Kind, Trajectory
 
 Rows = np.ndarray | slice | list[int] | int
 COLUMNS = ("positions", "kinds", "durations", "events", "courses", "stated", "lines", "tolerances")
@@ -41,3 +41,27 @@ def changed(trajectory: Trajectory, name: str, rows: Rows, value: float) -> Traj
     values = getattr(asked, name).copy()
     values[rows] = value
     return replace(asked, **{name: values})
+
+
+def straight(
+    axes: tuple[str, ...],
+    ends: np.ndarray,
+    seconds: np.ndarray | float = 0.0,
+    tolerances: np.ndarray | float = 0.0,
+    start: np.ndarray | None = None,
+    kinds: np.ndarray | int = Kind.LINEAR,
+) -> Trajectory:
+    """Blocks that end at positions (n, k), each asked for in so many seconds and rounded off by so many metres."""
+    count, k = ends.shape
+    return Trajectory(
+        axes=axes,
+        start=np.zeros(k) if start is None else start,
+        positions=ends,
+        kinds=np.broadcast_to(np.asarray(kinds, np.uint8), count),
+        durations=np.broadcast_to(np.asarray(seconds, np.float64), count),
+        events=np.zeros(count, np.uint8),
+        courses=np.zeros(count, np.int32),
+        stated=np.zeros(count, np.uint16),
+        lines=np.zeros(count, np.int32),
+        tolerances=np.broadcast_to(np.asarray(tolerances, np.float64), count),
+    )

@@ -71,8 +71,10 @@ def test_every_link_of_every_robot_is_where_pinocchio_puts_it(path: Path) -> Non
 
 
 def test_the_samples_hold_what_they_are_meant_to_hold() -> None:
-    kinds = {joint.shortname() for path in FOREIGN for joint in Machine.load(path).model.joints[1:]}
-    assert {"JointModelMimic", "JointModelRUBZ", "JointModelRevoluteUnaligned"} <= kinds
+    machines = [Machine.load(path) for path in FOREIGN]
+    kinds = {joint.shortname() for machine in machines for joint in machine.model.joints[1:]}
+    assert {"JointModelRUBZ", "JointModelRevoluteUnaligned"} <= kinds
+    assert any(len(machine.axes) < machine.model.njoints - 1 for machine in machines), "none has a mimic joint"
 
 
 def test_mimic_with_multiplier_offset_and_a_skew_axis(tmp_path: Path) -> None:
@@ -287,26 +289,181 @@ def test_files_that_are_no_machine(tmp_path: Path, text: str, sentence: str) -> 
     path.write_text(text)
     with pytest.raises(ModelRefused) as refused:
         Machine.load(path)
-    assert str(refused.value) == f"{path}: {sentence}"
+    place = ":1" if sentence.startswith("joint") else ""
+    assert str(refused.value) == f"{path}{place}: {sentence}"
 
 
-def test_what_pinocchio_refuses_is_one_sentence(tmp_path: Path) -> None:
+def linked(*joints: str) -> str:
+    """Return a robot of links l0, l1 ..., one more than joints, each hung on the one before by a joint."""
+    links = "".join(f'<link name="l{index}"/>' for index in range(len(joints) + 1))
+    ends = '<parent link="l{}"/><child link="l{}"/>'
+    hung = [joint.replace("|", ends.format(index, index + 1)) for index, joint in enumerate(joints)]
+    return "\n".join([f'<robot name="r">{links}', *hung, "</robot>"])
+
+
+DRIVEN = f'<joint name="x" type="prismatic">|{LIMIT}</joint>'
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (
+            linked(DRIVEN.replace('upper="1"', 'upper="2,5"')),
+            ":2: joint 'x': <limit> upper is '2,5', expected a number; write decimals with a point",
+        ),
+        (
+            linked(DRIVEN.replace('upper="1"', 'upper="nan"')),
+            ":2: joint 'x': <limit> upper is 'nan', expected a number",
+        ),
+        (linked(DRIVEN.replace('upper="1"', 'upper="1e999"')), ":2: joint 'x': <limit> upper is '1e999', expected a n"),
+        (linked(DRIVEN.replace('upper="1"', 'upper="\u0661"')), ":2: joint 'x': <limit> upper is '\u0661', expected"),
+        (
+            linked(DRIVEN.replace("|", '|<origin xyz="0 0"/>')),
+            ":2: joint 'x': <origin> xyz is '0 0', expected 3 numbers separated by blanks",
+        ),
+        (
+            linked(DRIVEN.replace("|", '|<axis xyz="0 0 0.0"/>')),
+            ":2: joint 'x': <axis> xyz is '0 0 0.0', expected a dir",
+        ),
+        (
+            linked(DRIVEN, "").replace(
+                '<link name="l0"/>', '<link name="l0"><visual><origin rpy="1,5 0 0"/></visual></link>'
+            ),
+            ":1: link 'l0': <origin> rpy is '1,5 0 0', expected 3 numbers separated by blanks; write decimals with",
+        ),
+        (
+            linked(DRIVEN.replace('"1"', '"${w}"')),
+            ":2: joint 'x': <limit> upper is '${w}': this is a xacro file; expand",
+        ),
+        (
+            '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n<xacro:include filename="a"/></robot>',
+            ":2: <xacro:include>: this is a xacro file; expand it first: xacro robot.urdf > expanded.urdf",
+        ),
+        (linked(DRIVEN, DRIVEN), ":3: a second joint 'x'; names must differ"),
+        (linked(DRIVEN).replace('"l0"/><link', '"l1"/><link'), ":1: a second link 'l1'; names must differ"),
+        (linked(DRIVEN.replace("|", "")), ":2: joint 'x': <parent> link is '', expected the name of a link"),
+        (
+            robot().replace('<child link="b"/>', '<child link="nowhere"/>'),
+            ":1: joint 'x': <child> link is 'nowhere', expected the name of a link",
+        ),
+        (
+            linked(DRIVEN).replace("</robot>", '<link name="loose"/></robot>'),
+            ":3: link 'loose' hangs on no joint, nor does 'l0'; there can be one root link",
+        ),
+        (
+            linked(DRIVEN, DRIVEN.replace('"x"', '"y"')).replace('link="l0"', 'link="l2"'),
+            ":1: link 'l1' hangs on itself through its joints; the links must be a tree",
+        ),
+        (
+            linked(DRIVEN, DRIVEN.replace('"x"', '"y"').replace("|", '<parent link="l2"/><child link="l2"/>')),
+            ":1: link 'l2' hangs on itself through its joints; the links must be a tree",
+        ),
+        (
+            linked(DRIVEN, DRIVEN.replace('"x"', '"y"').replace("|", '<parent link="l2"/><child link="l1"/>')),
+            ":3: joint 'y': link 'l1' hangs on another joint already; it can have one",
+        ),
+    ],
+)
+def test_faults_of_a_urdf_are_named_with_their_line(tmp_path: Path, text: str, sentence: str) -> None:
     path = tmp_path / "robot.urdf"
-    path.write_text(robot().replace('<child link="b"/>', '<child link="nowhere"/>'))
+    path.write_text(text, "utf-8")
     with pytest.raises(ModelRefused) as refused:
         Machine.load(path)
-    assert str(refused.value).startswith(f"{path}: Pinocchio cannot build it: ")
-    assert "\n" not in str(refused.value)
+    assert str(refused.value).startswith(f"{path}{sentence}")
 
 
-def test_a_mimic_joint_that_cannot_move(tmp_path: Path) -> None:
+def test_all_numbers_that_are_none_are_named_at_once(tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
-    follower = JOINT.format(name="m", kind="revolute", inside=LIMIT + '<mimic joint="x" multiplier="0"/>')
-    follower = follower.replace('"b"', '"c"').replace('"a"', '"b"')
-    path.write_text(robot().replace("</robot>", f'<link name="c"/>{follower}</robot>'))
+    path.write_text(linked(DRIVEN.replace('"1"', '"1,0"')))
     with pytest.raises(ModelRefused) as refused:
         Machine.load(path)
-    assert str(refused.value) == f"{path}: joint 'm' mimics with multiplier 0: make it fixed"
+    found = [line.split("<limit> ")[1].split(" is ")[0] for line in str(refused.value).splitlines()]
+    assert found == ["upper", "velocity", "effort"]
+
+
+def follower(name: str, primary: str, numbers: str = "") -> str:
+    return f'<joint name="{name}" type="revolute">|{LIMIT}<mimic joint="{primary}"{numbers}/></joint>'
+
+
+@pytest.mark.parametrize(
+    ("joints", "sentence"),
+    [
+        ((DRIVEN, follower("m", "x", ' multiplier="0"')), "joint 'm' mimics with multiplier 0: make it fixed"),
+        ((DRIVEN, follower("m", "y")), "joint 'm': <mimic> joint is 'y', expected the name of a joint"),
+        ((DRIVEN, follower("m", "")), "joint 'm': <mimic> joint is '', expected the name of a joint"),
+        (
+            (DRIVEN, follower("m", "m")),
+            "joint 'm': <mimic> joint is 'm', so it follows itself; expected a driven joint",
+        ),
+        (
+            ('<joint name="w" type="fixed">|</joint>', follower("m", "w")),
+            "joint 'm': <mimic> joint is 'w', which is fixed; expected one that moves",
+        ),
+        ((DRIVEN, follower("m", "x", ' offset="a"')), "joint 'm': <mimic> offset is 'a', expected a number"),
+    ],
+)
+def test_a_mimic_joint_that_follows_nothing(tmp_path: Path, joints: tuple[str, ...], sentence: str) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(linked(*joints))
+    with pytest.raises(ModelRefused) as refused:
+        Machine.load(path)
+    assert str(refused.value) == f"{path}:3: {sentence}"
+
+
+def test_mimics_in_a_circle_are_named_one_by_one(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(linked(DRIVEN, follower("m", "n"), follower("n", "m"), follower("o", "n")))
+    with pytest.raises(ModelRefused) as refused:
+        Machine.load(path)
+    assert [line.split(": ")[1] for line in str(refused.value).splitlines()] == ["joint 'm'", "joint 'n'"]
+
+
+def test_mimics_work_in_any_order_through_each_other_and_of_endless_joints(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    turning = '<joint name="z" type="continuous">|<limit velocity="1" effort="1"/></joint>'
+    first = follower("a", "b", ' multiplier="2" offset="0.25"')
+    path.write_text(linked(first, follower("b", "z", ' multiplier="-3" offset="0.5"'), turning))
+    machine = Machine.load(path)
+    assert machine.names == ("z",)
+    values = np.linspace(-2.0, 2.0, 7)
+    poses = machine.forward(values[:, None], "l3")
+    np.testing.assert_allclose(poses, machine.forward_pinocchio(values[:, None], "l3"), rtol=0, atol=1e-12)
+    # All turn about x: a = 2 b + 0.25, b = 0.5 - 3 z.
+    turns = 2 * (0.5 - 3 * values) + 0.25 + (0.5 - 3 * values) + values
+    np.testing.assert_allclose(poses[:, 2, 1], np.sin(turns), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(poses[:, 1, 1], np.cos(turns), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1"])
+def test_a_urdf_in_any_declared_encoding(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "robot.urdf"
+    text = f'<?xml version="1.0" encoding="{encoding}"?>' + linked(DRIVEN.replace('"x"', '"größe"'))
+    path.write_bytes(text.replace('robot name="r"', 'robot name="Anlage für Bänder"').encode(encoding))
+    machine = Machine.load(path)
+    assert (machine.names, machine.model.name) == (("größe",), "Anlage für Bänder")
+
+
+def test_a_urdf_in_an_encoding_of_another_country_and_one_that_is_not_what_it_says(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    text = '<?xml version="1.0" encoding="GB2312"?>' + linked(DRIVEN).replace('robot name="r"', 'robot name="铺带机"')
+    path.write_bytes(text.encode("gb2312"))
+    assert Machine.load(path).model.name == "铺带机"
+    path.write_bytes(text.replace("GB2312", "UTF-8").encode("gb2312"))
+    with pytest.raises(ModelRefused, match=r"not a URDF: byte 52 is not UTF-8, the encoding that its first line decl"):
+        Machine.load(path)
+    path.write_bytes(text.replace("GB2312", "klingon").encode("gb2312"))
+    with pytest.raises(ModelRefused, match="not a URDF: unknown encoding: klingon"):
+        Machine.load(path)
+
+
+def test_axes_that_turn_without_end_are_named_where_they_need_travel() -> None:
+    machine = Machine.load(ROBOTS / "kinova_description/robots/kinova.urdf")
+    endless = [axis.name for axis in machine.axes if not np.isfinite(axis.upper)][:2]
+    with pytest.raises(ModelRefused) as refused:
+        machine.check_travel(machine.names)
+    assert str(refused.value).startswith(f"{machine.path}: axes {endless[0]} and ")
+    assert f"limits_deg, e.g. {{{endless[0]} = [-180, 180]," in str(refused.value)
+    machine.with_limits({axis.name: (-1.0, 1.0) for axis in machine.axes}, {}).check_travel(machine.names)
 
 
 def test_a_missing_file_a_directory_and_a_binary_file(tmp_path: Path) -> None:

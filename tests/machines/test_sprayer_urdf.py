@@ -69,17 +69,16 @@ def test_axes_travel_and_speeds() -> None:
 
 def test_every_mimic_follows_phi_itself() -> None:
     model = sprayer().model
-    phi = model.joints[model.getJointId("phi")]
-    found = {}
-    for name in MIMICS:
-        joint = model.joints[model.getJointId(name)]
-        assert joint.shortname() == "JointModelMimic"
-        assert joint.idx_q == phi.idx_q
-        mimic = joint.extract()
-        assert mimic.offset == 0.0
-        found[name] = mimic.scaling
-    assert found == MIMICS
-    assert model.nq == len(AXES)
+    phi, others = sprayer().column("phi"), [index for index, name in enumerate(AXES) if name != "phi"]
+    unit = np.eye(len(AXES))
+    still, turned = sprayer().configurations(np.array([np.zeros(len(AXES)), unit[phi]]))
+    for name, multiplier in MIMICS.items():
+        at = model.idx_qs[model.getJointId(name)]
+        assert (still[at], turned[at]) == (0.0, multiplier)
+        assert not np.any(sprayer().configurations(unit[others])[:, at])
+        assert MIMICS[name] == by_yourdfpy(str(SPRAYER)).joint_map[name].mimic.multiplier
+        assert by_yourdfpy(str(SPRAYER)).joint_map[name].mimic.joint == "phi"
+    assert model.nq == len(AXES) + len(MIMICS)
 
 
 def test_p_stays_put_by_pinocchio() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,8 +13,11 @@ from hypothesis.extra.numpy import arrays
 
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.corners import Corner, Rule
-from tapelayer.motion.time_law import Limits, at_speed, axis_times, by_feed_word, feeds, rapids, timed
+from tapelayer.motion.time_law import Limits, at_speed, axis_times, by_feed_word, feeds, rapids, rest_to_rest, timed
 from tapelayer.motion.trajectory import Kind, Trajectory
+from tests.helpers.chains import AXES, LINUXCNC, LOOK_AHEAD, RULES, STOP, by, chains, run
+from tests.helpers.chains import LIMITS as AXES_LIMITS
+from tests.helpers.trajectories import straight
 
 LIMITS = Limits.speeds(np.array([0.5, 2.0, 0.25]))
 STEPS = arrays(np.float64, (4, 3), elements=st.floats(-10.0, 10.0))
@@ -82,6 +88,119 @@ def test_no_axis_exceeds_its_limit_and_one_reaches_it_where_nothing_else_is_aske
 @given(STEPS, LEAST)
 def test_there_and_back_take_the_same_time(steps: np.ndarray, least: np.ndarray) -> None:
     assert np.array_equal(feeds(-steps, LIMITS, least), feeds(steps, LIMITS, least))
+
+
+MOVES = arrays(np.float64, 4, elements=st.floats(1e-4, 10.0))
+
+
+def test_rest_to_rest_in_round_numbers() -> None:
+    one = np.ones(1)
+    assert rest_to_rest(0.08 * one, 0.25 * one, 1.5 * one)[0] == pytest.approx(0.486667, abs=5e-7)
+    assert rest_to_rest(0.08 * one, 0.25 * one, 1.5 * one, 30.0 * one)[0] == pytest.approx(0.536667, abs=5e-7)
+    assert rest_to_rest(0.095 * one, one, 5.0 * one)[0] == pytest.approx(0.276, abs=5e-4)
+    assert rest_to_rest(np.zeros(1), one, one).tolist() == [0.0]
+
+
+@given(MOVES, MOVES, MOVES, MOVES)
+def test_rest_to_rest_scales_as_motion_does(
+    lengths: np.ndarray, speeds: np.ndarray, accelerations: np.ndarray, jerks: np.ndarray
+) -> None:
+    slow = rest_to_rest(lengths, speeds, accelerations, jerks)
+    np.testing.assert_allclose(rest_to_rest(lengths, 2 * speeds, 4 * accelerations, 8 * jerks), slow / 2, rtol=1e-12)
+    trapezoid = rest_to_rest(lengths, speeds, accelerations)
+    np.testing.assert_allclose(rest_to_rest(lengths, speeds, accelerations, 1e15), trapezoid, rtol=1e-4)
+    assert np.all(slow >= trapezoid * (1 - 1e-9))
+    assert np.all(trapezoid >= lengths / speeds)
+
+
+@given(MOVES, MOVES, MOVES, MOVES)
+def test_rest_to_rest_is_what_ruckig_says(
+    lengths: np.ndarray, speeds: np.ndarray, accelerations: np.ndarray, jerks: np.ndarray
+) -> None:
+    ruckig = pytest.importorskip("ruckig", reason="ruckig is an oracle, in the extra `test`")
+    found = rest_to_rest(lengths, speeds, accelerations, jerks)
+    for row in range(len(lengths)):
+        asked = ruckig.InputParameter(1)
+        asked.current_position, asked.target_position = [0.0], [lengths[row]]
+        asked.max_velocity, asked.max_acceleration = [speeds[row]], [accelerations[row]]
+        asked.max_jerk = [jerks[row]]
+        planned = ruckig.Trajectory(1)
+        assert ruckig.Ruckig(1).calculate(asked, planned) >= 0
+        assert found[row] == pytest.approx(planned.duration, rel=1e-9)
+
+
+def faster(rule: Rule) -> Rule:
+    """The rule of a control that does everything in half the time."""
+    return replace(rule, cycle=rule.cycle / 2, drain=rule.drain / 2)
+
+
+@given(st.sampled_from(RULES), chains(), st.sampled_from([math.inf, 50.0]))
+def test_a_machine_twice_as_quick_takes_half_the_time(rule: Rule, chain: Trajectory, jerk: float) -> None:
+    limits = replace(AXES_LIMITS, jerk=np.full(6, jerk))
+    quick = Limits(2 * limits.speed, 4 * limits.acceleration, 8 * limits.jerk)
+    slow = by(rule, chain, limits)
+    halved = by(faster(rule), replace(chain, durations=chain.durations / 2), quick)
+    np.testing.assert_allclose(halved.times, slow.times / 2, rtol=1e-9)
+
+
+@given(st.sampled_from([STOP, LOOK_AHEAD]), chains(stops=False), st.floats(0.0, 1.0))
+def test_backwards_it_takes_the_same_time(rule: Rule, chain: Trajectory, jerk: float) -> None:
+    chain = replace(chain, tolerances=np.full(len(chain), chain.tolerances[0]))
+    places = np.vstack([chain.start, chain.positions])[::-1]
+    back = straight(chain.axes, places[1:], chain.durations[::-1], chain.tolerances, start=places[0])
+    limits = AXES_LIMITS if jerk < 0.5 else replace(AXES_LIMITS, jerk=np.full(6, 50.0))
+    forth = by(rule, chain, limits)
+    np.testing.assert_allclose(by(rule, back, limits).durations[::-1], forth.durations, rtol=1e-6, atol=1e-9)
+
+
+@given(st.sampled_from(RULES), chains())
+def test_without_end_to_its_jerk_a_control_makes_trapezoids(rule: Rule, chain: Trajectory) -> None:
+    limits = replace(AXES_LIMITS, jerk=np.full(6, 1e15))
+    np.testing.assert_allclose(by(rule, chain, limits).times, by(rule, chain).times, rtol=1e-5)
+    slower = by(rule, chain, replace(AXES_LIMITS, jerk=np.full(6, 5.0)))
+    assert slower.duration >= by(rule, chain).duration
+
+
+@given(st.integers(1, 40), st.integers(0, 2**32 - 1))
+def test_two_passes_do_what_a_loop_does(count: int, seed: int) -> None:
+    """A straight chain by a look ahead: speeds at block ends by one loop back and one forth."""
+    rng = np.random.default_rng(seed)
+    lengths, speeds = 10.0 ** rng.uniform(-3, -1, count), rng.uniform(0.02, 0.9, count)
+    tolerances = np.where(rng.random(count) < 0.8, 1e-5, 0.0)
+    positions = np.zeros((count, 6))
+    positions[:, 0] = np.cumsum(lengths)
+    found = by(LOOK_AHEAD, straight(AXES, positions, lengths / speeds, tolerances))
+    rate = AXES_LIMITS.acceleration[0]
+    ends = [0.0] * (count + 1)
+    for i in range(1, count):
+        ends[i] = min(speeds[i - 1], speeds[i]) if tolerances[i - 1] else 0.0
+    for i in range(count - 1, 0, -1):
+        ends[i] = min(ends[i], math.sqrt(ends[i + 1] ** 2 + 2 * rate * lengths[i]))
+    for i in range(1, count + 1):
+        ends[i] = min(ends[i], math.sqrt(ends[i - 1] ** 2 + 2 * rate * lengths[i - 1]))
+    seconds = []
+    for i in range(count):
+        first, last = ends[i], ends[i + 1]
+        top = min(speeds[i], math.sqrt((2 * rate * lengths[i] + first**2 + last**2) / 2))
+        ramps = (2 * top**2 - first**2 - last**2) / (2 * rate)
+        seconds.append((2 * top - first - last) / rate + max(lengths[i] - ramps, 0.0) / top)
+    assert found.durations == pytest.approx(seconds, rel=1e-7, abs=1e-9)
+
+
+def test_a_path_is_as_fast_as_its_slowest_axis() -> None:
+    """100 mm of X with 60 deg of C at 120 deg/s: half a second, and its share of the acceleration."""
+    found = by(STOP, run([{"x": 0.1, "c": math.radians(60)}], speed=1.0))
+    seconds = rest_to_rest(np.array([0.1]), np.array([0.2]), np.array([1.5]))
+    assert found.durations == pytest.approx(seconds)
+    assert found.asked is not None and found.asked.tolist() == [0.1]
+
+
+def test_a_path_along_the_first_group_that_moves() -> None:
+    """A block of 2 um in X with a whole stroke of V takes the stroke's time."""
+    stroke = by(LINUXCNC, run([{"v": 0.095}], speed=1.0))
+    both = run([{"x": 2e-6, "v": 0.095}], speed=1.0)
+    found = by(LINUXCNC, replace(both, durations=stroke.requested))
+    assert found.durations == pytest.approx(stroke.durations, rel=1e-6)
 
 
 RADIUS, RAMP = 0.1, 2.0

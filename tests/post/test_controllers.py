@@ -12,7 +12,7 @@ from post.controllers.parsing import GIVEN, parse
 from post.controllers.table import ArcRule, AxisWord, Blocks, Codes, Feed, Timing
 from tapelayer.errors import ControllerRefused
 from tapelayer.motion.trajectory import Event
-from tests.helpers.machines import TEN_AXES
+from tests.helpers.machines import TEN_AXES, tape_layer
 
 FOLDER = Path(post.controllers.__file__).parent
 JB3208 = (FOLDER / "jb3208.toml").read_text(encoding="utf-8")
@@ -172,14 +172,14 @@ def test_an_m_word_that_takes_an_address_frees_its_letter() -> None:
 
 @pytest.mark.parametrize("entry", ["G64", "G64 P0.01", "S", "FGROUP(X,Y)"])
 def test_words_without_effect(entry: str) -> None:
-    text = changed(("planes = { xy", f'no_effect = ["{entry}"]\nplanes = {{ xy'))
+    text = changed(("planes = { xy", f'no_effect = ["{entry}"]\nplanes = {{ xy'), ('comment = "("', 'comment = ";"'))
     assert parse(text.encode(), "mine.toml").codes.no_effect == (entry,)
 
 
 @pytest.mark.parametrize("entry", ["M8", "G64 P", "GOTO 5"])
 def test_what_looks_like_a_word_cannot_be_without_effect(entry: str) -> None:
     text = changed(("planes = { xy", f'no_effect = ["{entry}"]\nplanes = {{ xy'))
-    assert "codes.no_effect[0]: string should match pattern" in refused(text)
+    assert "codes.no_effect[0]: expected a letter, a G word such as G40" in refused(text)
 
 
 def test_what_needs_a_g_word_is_refused_without_it() -> None:
@@ -190,6 +190,178 @@ def test_what_needs_a_g_word_is_refused_without_it() -> None:
     assert "levels: arc_on is not in events; add it there" in message
     assert "levels: S of arc_on is not in codes.no_effect, so no reader would know it" in message
     assert "arcs.planes: yz without a G word in codes.planes; give it" in message
+
+
+NO_EFFECT = ("planes = { xy", "no_effect = [{}]\nplanes = {{ xy")
+
+
+def ignoring(*texts: str) -> tuple[str, str]:
+    """Return the change that adds texts without effect."""
+    return NO_EFFECT[0], NO_EFFECT[1].format(", ".join(f'"{text}"' for text in texts))
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "sentence"),
+    [
+        (
+            [('["G90"]', '["G9\u0660"]')],
+            "restated =",
+            "blocks.restated[0]: expected printable ASCII signs, and not bla",
+        ),
+        (
+            [('["G90"]', '["G90", " "]')],
+            "restated =",
+            "blocks.restated[1]: expected printable ASCII signs, and not bla",
+        ),
+        ([('"G94"', '"G9\u0664"')], "per_minute =", "codes.per_minute: expected a G word such as G1 or G92.1, got"),
+        ([('"M21"', '"M2\u0661"')], "roller_down =", "events.roller_down: expected an M word such as M20 or M62 P3, "),
+        (
+            [('first_line = "%"', 'first_line = "%\\nG0 X5"')],
+            "first_line =",
+            "blocks.first_line: expected printable AS",
+        ),
+        (
+            [('first_line = "%"', 'first_line = "\u7a0b"')],
+            "first_line =",
+            "blocks.first_line: expected printable ASCII si",
+        ),
+        ([('title = "the', 'title = "\\u001b[2Jthe')], "title =", "title: expected one line of printable signs"),
+        (
+            [('["G90"]', '["G90 G02"]')],
+            "restated =",
+            "blocks.restated: G02 is the word of clockwise; a text states mode",
+        ),
+        (
+            [("preamble = []", 'preamble = ["G4"]')],
+            "preamble =",
+            "blocks.preamble: G4 is the word of dwell; a text sta",
+        ),
+        ([("preamble = []", 'preamble = ["G92"]')], "preamble =", "blocks.preamble: G92 is the word of set_position; "),
+        ([('["G90"]', '["G91 G90"]')], "restated =", "blocks.restated: G90 and G91 stand in one block; give each its"),
+        ([('["G90"]', '["G91"]')], "restated =", "blocks.restated: leaves the control in G91, increments; add G90"),
+        ([('["G90"]', '["G90 G93"]')], "restated =", "blocks.restated: leaves the control in G93; add G94, as feed.mo"),
+        (
+            [('mode = "per_minute"', 'mode = "inverse_time"'), ("modal = true", "modal = false")],
+            "restated =",
+            "blocks.restated: leaves the control in G94; add G93, as feed.mode is inverse_time",
+        ),
+        (
+            [('mode = "per_minute"', 'mode = "inverse_time"'), ('["G90"]', '["G90 G93"]')],
+            "modal =",
+            "feed.modal: is true, but an inverse time holds for its own block; make it false",
+        ),
+        ([ignoring("G1")], "no_effect =", "codes.no_effect: G1 is the word of linear, so it has an effect; remove it"),
+        ([ignoring("G4 P1")], "no_effect =", "codes.no_effect: G4 P1 is the word of dwell, so it has an effect; remo"),
+        (
+            [ignoring("X")],
+            "no_effect =",
+            "codes.no_effect: X is the address of an axis, so it has an effect; remove it",
+        ),
+        ([ignoring("F")], "no_effect =", "codes.no_effect: F is the feed, so it has an effect; remove it"),
+        ([ignoring("G64 X5")], "no_effect =", "codes.no_effect: X of G64 X5 is the address of an axis; a word's argu"),
+        ([ignoring("G1 X5 %")], "no_effect =", "codes.no_effect: G1 in G1 X5 % is the word of linear; readers ign"),
+        ([ignoring("X5 %")], "no_effect =", "codes.no_effect: X5 in X5 % moves an axis; a text moves nothing"),
+        ([ignoring("GROUP(X,Y)")], "no_effect =", "codes.no_effect: GROUP(X,Y) holds (, which begins a comment; leav"),
+        (
+            [('last_line = "%"', 'last_line = "G00 Z0"')],
+            "last_line =",
+            "blocks.last_line: G00 in G00 Z0 is the word of",
+        ),
+        (
+            [('last_line = "%"', 'last_line = "M20"')],
+            "last_line =",
+            "blocks.last_line: M20 in M20 switches; readers ig",
+        ),
+        (
+            [('first_line = "%"', 'first_line = "O1 (a)"')],
+            "first_line =",
+            "blocks.first_line: O1 (a) holds (, which beg",
+        ),
+        (
+            [('first_line = "%"', f'first_line = "{"%" * 201}"')],
+            "first_line =",
+            "blocks.first_line: has 201 characters,",
+        ),
+        (
+            [("planes = [", 'offsets = ["I", "I", "K"]\nplanes = [')],
+            "offsets =",
+            "arcs.offsets: I is the centre along an",
+        ),
+        (
+            [("planes = [", 'offsets = ["F", "J", "K"]\nplanes = [')],
+            "offsets =",
+            "arcs.offsets: F is the feed; give an",
+        ),
+        (
+            [('dwell_address = "P"', 'dwell_address = "N"')],
+            "dwell_address =",
+            "codes.dwell_address: N numbers a block; ",
+        ),
+        ([('address = "E"', 'address = "M1="')], "axes =", "axes: address M1= begins a switching word; give e another"),
+        (
+            [('"M21"', '"M21 X5"')],
+            "roller_down =",
+            "events.roller_down: X of M21 X5 is the address of an axis; a word's",
+        ),
+        (
+            [('"M21"', '"M21 F5"')],
+            "roller_down =",
+            "events.roller_down: F of M21 F5 is the feed; a word's argument nee",
+        ),
+        ([('"M21"', '"M20 P1"')], "roller_down =", "events.roller_down: M20 P1 and M20 differ by an argument alone"),
+        (
+            [('"M20"', '"M20 P1"'), ('"M21"', '"M20 P01"')],
+            "shoe_down =",
+            "events: M20 P01 stands for both shoe_down and r",
+        ),
+        (
+            [('unit = "deg" },\n]', 'unit = "deg", word = "M30" },\n]')],
+            "axes =",
+            "axes: M30 ends the program; give the",
+        ),
+    ],
+)
+def test_what_no_program_could_carry_out_is_the_tables_fault(
+    changes: list[tuple[str, str]], key: str, sentence: str
+) -> None:
+    text = changed(*changes)
+    line = next(number for number, row in enumerate(text.splitlines(), 1) if row.startswith(key))
+    if sentence.startswith("events:"):
+        line -= 1
+    message = refused(text)
+    assert message.startswith(f"folder/mine.toml:{line}: {sentence}"), message
+    assert len(message.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [('first_line = "%"', 'first_line = "%_N_G0_MPF"')],
+        [('first_line = "%"', 'first_line = "(G0 X5)"')],
+        [('first_line = "%"', 'first_line = "O1234"')],
+        [("preamble = []", 'preamble = ["G91", "G17 G90"]')],
+        [("preamble = []", 'preamble = ["G93", "G94"]')],
+        [('comment = "("', 'comment = ";"'), ignoring("CYCLE832(0.05,3,1)", "FGROUP(X,Y,Q1)", "G64 P0.01", "S")],
+        [('title = "the', 'title = "\u94fa\u5e26\u673a')],
+    ],
+)
+def test_texts_that_do_what_their_places_allow(changes: list[tuple[str, str]]) -> None:
+    assert parse(changed(*changes).encode(), "mine.toml").name == "mine"
+
+
+def test_units_that_do_not_fit_the_machines_joints_are_refused() -> None:
+    turning = {axis.name: axis.revolute for axis in tape_layer().axes}
+    load("jb3208").check_units(turning)
+    swapped = changed(
+        ('joints = ["c"], unit = "deg"', 'joints = ["c"], unit = "mm"'),
+        ('joints = ["x"], unit = "mm"', 'joints = ["x"], unit = "deg"'),
+    )
+    with pytest.raises(ControllerRefused) as caught:
+        parse(swapped.encode(), "mine.toml").check_units(turning)
+    assert str(caught.value).splitlines() == [
+        'controller mine: axes: X counts joint x in deg, but it slides; give unit = "mm"',
+        'controller mine: axes: C counts joint c in mm, but it turns; give unit = "deg"',
+    ]
 
 
 def test_a_number_step_beyond_the_largest_number_is_refused() -> None:

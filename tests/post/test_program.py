@@ -202,10 +202,25 @@ def test_comment_text_cannot_become_words() -> None:
     source = "a) M22 (.txt\n%;\tü" + "x" * 300
     text = write(verified(LINK), load("jb3208"), Provenance(source, "0", "1", "2", ("b)\nM23",))).decode("ascii")
     lines = text.splitlines()
-    assert lines[2].startswith("(source: a_ M22 _.txt_____xxx") and lines[2].endswith("x)")
+    assert lines[2].startswith("(source: a_ M22 _.txt____uxxx") and lines[2].endswith("x)")
     assert max(map(len, lines)) == len(lines[2]) == load("jb3208").blocks.max_line
     assert "(note: b__M23)" in lines
     assert not re.search(r"(?m)^[^(]*M2[23]", text)
+
+
+@pytest.mark.parametrize(
+    ("source", "written"),
+    [
+        ("\u673a\u8eab\u8499\u76ae(3).txt", "JiShenMengPi_3_.txt"),
+        ("\u673a\u7ffc\u8499\u76ae\uff083\uff09.txt", "JiYiMengPi_3_.txt"),
+        ("Fl\u00fcgel \u00d8 50 %.txt", "Flugel O 50 _.txt"),
+        ("\u041a\u0440\u044b\u043b\u043e.txt", "Krylo.txt"),
+        ("\ue000\ufdd0.txt", "__.txt"),
+    ],
+)
+def test_names_in_other_scripts_are_written_in_ascii_letters(source: str, written: str) -> None:
+    text = write(verified(LINK), load("jb3208"), Provenance(source, "0", "1", "2")).decode("ascii")
+    assert f"\n(source: {written})\n" in text
 
 
 def test_comments_of_a_control_with_semicolons() -> None:

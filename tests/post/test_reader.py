@@ -35,6 +35,13 @@ def parsed(text: str | bytes, controller: Controller | None = None, axes: tuple[
     return read(data, controller or load("jb3208"), axes, limits, "p.nc")
 
 
+def boundless() -> Controller:
+    """The default control without the limits of its words."""
+    table = load("jb3208")
+    axes = tuple(axis.model_copy(update={"decimals": 99}) for axis in table.axes)
+    return table.model_copy(update={"axes": axes, "max_word": np.inf})
+
+
 def blocks(text: str, **kwargs: Any) -> Trajectory:
     """Blocks of a program that has stated all axes at zero before; that block is left out here."""
     whole = parsed(STATE + text + "\nM30\n", **kwargs).trajectory
@@ -101,7 +108,7 @@ def test_golden_program() -> None:
 def test_hand_written_words(line: str, x: float, y: float) -> None:
     if "G17" in line:
         line = line.replace("G17 ", "")
-    path = blocks(line)
+    path = blocks(line, controller=boundless())
     assert path.positions[0][:2].tolist() == [x / 1000, y / 1000]
     assert path.durations.tolist() == [np.hypot(5, 0.5)]
 
@@ -137,7 +144,7 @@ def test_numbers_are_those_of_python(cases: list[tuple[Decimal, int, str]]) -> N
         sign = "-" if number < 0 else ("+" if style == 3 else "")
         texts.append(sign + zeros + text)
     program = "".join(f"G00 X{text}\n" for text in texts) + "M30"
-    path = parsed(program).trajectory
+    path = parsed(program, boundless()).trajectory
     assert path.positions[:, 0].tolist() == [float(text) / 1e3 for text in texts]
 
 
@@ -145,7 +152,7 @@ def test_numbers_are_those_of_python(cases: list[tuple[Decimal, int, str]]) -> N
 def test_what_python_takes_for_no_number_is_refused(text: str) -> None:
     program = f"G00 X{text}\nM30"
     if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)", text):
-        assert parsed(program).trajectory.positions[0, 0] == float(text) / 1e3
+        assert parsed(program, boundless()).trajectory.positions[0, 0] == float(text) / 1e3
     else:
         assert refusals(program)[0] == f"p.nc:1:5: expected a number after X, got {text or 'nothing'}"
 
@@ -242,10 +249,10 @@ REFUSED = [
     ("G04 P-1", ["2:1: expected G04 P and the seconds, nothing else"]),
     ("G04 P1 X5", ["2:1: expected G04 P and the seconds, nothing else"]),
     ("G00 X5 P2", ["2:8: the P word has no meaning in this block; remove it"]),
-    ("G00 X1..5 Y--2 Z1e3", [
+    ("G00 X1..5 Y--2 Z1 e3", [
         "2:5: expected a number after X, got 1..5",
         "2:11: expected a number after Y, got --2",
-        "2:18: E is no word of controller three",
+        "2:19: E is no word of controller three",
     ]),
     ("N10 G00 X1-5 Y Z", [
         "2:9: expected a number after X, got 1-5",
@@ -289,6 +296,58 @@ def test_refused_as_a_whole() -> None:
     assert refusals("M30") == ["p.nc: the program has no blocks"]
     assert refusals("") == ["p.nc:1: the program does not end with M30; it may be cut off"]
     assert refusals(b"G00 X1\0\nM30") == ["p.nc: is a binary file, no NC program"]
+
+
+EXPONENT = "is a number with an exponent, which this control does not have; write"
+
+
+@pytest.mark.parametrize(
+    ("line", "place", "number"),
+    [
+        ("G00 X1 Y1.44E3", "2:8: Y1.44E3", "1440"),
+        ("G00 x1e3", "2:5: X1E3", "1000"),
+        ("G00 X-1.5E-2 Z1", "2:5: X-1.5E-2", "-0.015"),
+        ("N10 G00 X1.E+2", "2:9: X1.E+2", "100"),
+    ],
+)
+@pytest.mark.parametrize("controller", ["jb3208", "linuxcnc"])
+def test_a_number_with_an_exponent_is_one_sentence(line: str, place: str, number: str, controller: str) -> None:
+    table = load(controller)
+    axes = TEN_AXES if controller == "jb3208" else ("x", "y", "z")
+    (sentence,) = refusals(f"%\n{line}\nM30", controller=table, axes=axes)
+    assert sentence == f"p.nc:{place} {EXPONENT} {number}, or a blank before E where that is a word of its own"
+    (sentence,) = refusals(f"%\n{line}\n{line}\nG00 X1..2\n{line}\nM30", controller=table, axes=axes)
+    assert sentence.startswith(f"p.nc:{place}") and sentence.endswith("of its own; 2 more such words")
+
+
+@pytest.mark.parametrize("line", ["G01 X5 E3 F60", "G01X5E3F60", "G01 X5E3.0 F60", "G01 X5 (1E3) E3 F60"])
+def test_an_axis_e_is_no_exponent(line: str) -> None:
+    assert written(blocks(line), "e") == [3.0]
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("G01 X5 F60" + " " * 191, "2: the line has 201 characters, expected at most 200 of this control"),
+        ("(" + "c" * 199 + ")", "2: the line has 201 characters, expected at most 200 of this control"),
+        ("N9999991 G01 X5 F60", "2:1: block number 9999991, expected a whole number from 0 to 9999990"),
+        ("N1.5 G01 X5 F60", "2:1: block number 1.5, expected a whole number from 0 to 9999990"),
+        ("N-10 G01 X5 F60", "2:1: block number -10, expected a whole number from 0 to 9999990"),
+        ("N10 N10 G01 X5 F60", "2:5: a second N word in one block; write it in a block of its own"),
+        ("G01 X10000000 F60", "2:5: X10000000 is beyond the largest word of this control, 9999999.999"),
+        ("G01 U-9999999.9991 F60", "2:5: U-9999999.9991 is beyond the largest word of this control, 9999999.999"),
+        ("G01 X5.0000 F60", "2:5: X has 4 digits after the point, expected at most 3 of this control"),
+        ("G04 P0.1234567", "2:5: P has 7 digits after the point, expected at most 6 of this control"),
+    ],
+)
+def test_what_the_control_cannot_take_is_refused(line: str, sentence: str) -> None:
+    lines = refusals(STATE + line + "\nM30")
+    assert lines[0] == f"p.nc:{sentence}"
+
+
+def test_what_the_control_can_just_take_is_read() -> None:
+    at_most = ["G01 X9999999.999 F60" + " " * 180, "N9999990 G01 U-9999999.999", "N0 G04 P0.123456", "G01 X5.000"]
+    assert len(parsed(STATE + "\n".join(at_most) + "\nM30").trajectory) == 5
 
 
 def test_many_faults_are_counted() -> None:

@@ -38,7 +38,9 @@ def test_words_know_their_letter_number_and_line() -> None:
 @example("12345678.")
 @example("-0.5")
 def test_numbers_are_the_nearest_doubles(text: str) -> None:
-    assert scanned(f"X{text} Y1").values.tolist() == [float(text), 1.0]
+    words = scanned(f"X{text} Y1")
+    assert words.values.tolist() == [float(text), 1.0]
+    assert words.decimals.tolist() == [len(text.partition(".")[2]), 0]
 
 
 @given(st.text(alphabet="0123456789.+-", max_size=18))

@@ -503,8 +503,14 @@ def test_a_setup_is_loaded_and_saved(guest: Person) -> None:
     assert saved == Setup.model_validate(values).model_dump()
     guest.choose_file("load-setup", "b.toml", b"[tape]\nwidth_mm = -5\nwidht = 3\n[part]\nl1_mm = 'far'\n")
     api.expect(guest["problem"]).to_have_attribute("data-code", "setup-refused")
-    for words in ("width_mm", "widht", "l1_mm"):
+    for words in ("Tape: Width", "widht", "Part's place: Along x (l1)"):
         guest.see("problem", words)
+    guest["problem"].get_by_role("button", name="Tape: Width").click()
+    api.expect(guest["field-tape-width_mm"]).to_be_focused()
+    guest["language"].select_option("zh")
+    guest.see("problem", "预浸带：带宽: 应大于 0，实为 -5")
+    guest.see("problem", "[tape] 中未知的键 widht；是否为 width_mm？")
+    guest["language"].select_option("en")
     guest.refused("/api/v1/setup/parse", 422)
     assert guest["field-tape-width_mm"].input_value() == "50"
     guest.keep("setup-refused")

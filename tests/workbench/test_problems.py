@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 
 from tapelayer import errors
-from tapelayer.errors import CourseFileRefused, InputFault, TapelayerError, VerificationFailed
+from tapelayer.errors import CourseFileRefused, InputFault, SetupRefused, TapelayerError, VerificationFailed
 from tapelayer.laying.evidence import Evidence, Samples, TapeLedger
 from tapelayer.spraying.evidence import SprayEvidence, SpraySamples
 from tapelayer.verification.failures import Failure
@@ -142,6 +142,7 @@ def test_a_problem_says_what_is_wrong_this_time() -> None:
         "title": "The queue is full",
         "status": 429,
         "detail": "200 jobs wait",
+        "translations": {},
         "code": "queue-full",
         "waiting": 200,
     }
@@ -153,8 +154,8 @@ def test_a_refused_file_brings_its_faults() -> None:
     assert body["code"] == "course-file-refused"
     assert body["detail"] == "a.txt:3:5: wrong\na.txt: empty"
     assert body["faults"] == [
-        {"line": 3, "column": 5, "sentence": "wrong"},
-        {"line": 0, "column": 0, "sentence": "empty"},
+        {"line": 3, "column": 5, "sentence": "wrong", "translations": {}},
+        {"line": 0, "column": 0, "sentence": "empty", "translations": {}},
     ]
     assert body["fault_count"] == 2
 
@@ -188,3 +189,21 @@ def test_routes_describe_their_problems_by_status() -> None:
         f"`{code}`: {CODES[code].meaning}" for code in ("token-required", "wrong-token")
     ]
     assert list(described[429]["content"]) == ["application/problem+json"]
+
+
+def test_a_problem_brings_its_sentences_in_every_language() -> None:
+    fault = InputFault(4, "[tape] width_mm: input should be greater than 0, got -3", place=("tape", "width_mm"))
+    body = problem_of(SetupRefused("job.toml", [fault])).body()
+    assert body["detail"] == f"job.toml:4: {fault.sentence}"
+    assert body["translations"] == {"zh": "job.toml:4: [tape] width_mm: 应大于 0，实为 -3"}
+    assert body["faults"] == [
+        {
+            "line": 4,
+            "column": 0,
+            "sentence": fault.sentence,
+            "translations": {"zh": "[tape] width_mm: 应大于 0，实为 -3"},
+            "section": "tape",
+            "key": "width_mm",
+        }
+    ]
+    assert Problem("cancelled", "the job was cancelled").body()["translations"] == {"zh": "任务已取消"}

@@ -29,6 +29,7 @@ from tapelayer.workbench.worker import Stages
 from tests.helpers.kinds import MOMENT
 from tests.helpers.panels import flat, sheet, write_stl
 from tests.helpers.paths import EXAMPLES, ROOT
+from urdf import TAPELAYER
 
 COURSES = EXAMPLES / "flat_panel_00.txt"
 PLENTY = 8 * 2**30
@@ -203,6 +204,29 @@ def test_a_setup_names_files_that_came_with_it(tmp_path: Path) -> None:
     error = carry_out(folder)[0][-1]["error"]
     assert error["code"] == "model-refused"
     assert error["detail"].startswith("mine.urdf") and str(tmp_path) not in error["detail"]
+
+
+@pytest.mark.parametrize(
+    ("change", "detail"),
+    [
+        (
+            ('upper="2.5"', 'upper="2,5"'),
+            ":57: joint 'x': <limit> upper is '2,5', expected a number",
+        ),
+        (
+            ('type="revolute"', 'type="continuous"'),
+            ": axis c turns without end, and hoses, cables and tape do not",
+        ),
+    ],
+)
+def test_a_urdf_loses_no_detail_over_http(tmp_path: Path, change: tuple[str, str], detail: str) -> None:
+    folder = lay(tmp_path / "job", setup='[machine]\nurdf = "mine.urdf"\n')
+    (folder / "parts").mkdir()
+    (folder / "parts" / "mine.urdf").write_text(TAPELAYER.read_text("utf-8").replace(*change, 1), "utf-8")
+    lines, errors = carry_out(folder)
+    error = lines[-1]["error"]
+    assert (error["code"], errors) == ("model-refused", "")
+    assert error["detail"].startswith(f"mine.urdf{detail}")
 
 
 def test_what_cannot_be_saved_names_no_folder_of_the_server(tmp_path: Path) -> None:

@@ -31,7 +31,10 @@ startTheme(() => panels.forEach((panel) => panel.retheme?.()));
 const app = document.getElementById("app")!;
 const layout = createLayout(app);
 const selection = createSelection();
-const notice = createNotice(layout.notice);
+const notice = createNotice(layout.notice, {
+  kind: () => input.kind,
+  go: (section, key) => form.go(section, key),
+});
 const help = createHelp();
 
 const badge = h("div", { class: "badge-place" });
@@ -157,6 +160,8 @@ async function loadSetup(): Promise<void> {
   loader.value = "";
   if (!file) return;
   try {
+    // Values that are written before there are fields would be lost.
+    await started;
     form.write(await api.parseSetup(input.kind, await file.text()));
     notice.clear();
   } catch (error) {

@@ -44,6 +44,7 @@ const UNITS: [string, string][] = [
   ["_deg_per_s", "deg/s"],
   ["_mm", "mm"],
   ["_deg", "deg"],
+  ["_ms", "ms"],
   ["_m", "m"],
   ["_s", "s"],
 ];

@@ -37,6 +37,11 @@ async function otherFiles(one: File[], other: File[]): Promise<string[]> {
   return names.filter((_, index) => changed[index]);
 }
 
+/** The name of a parameter on the page, with its section. */
+export function parameterName(kind: Kind, section: string, key: string): string {
+  return t("stale.field", { section: t(`setup.${kind}.${section}`), key: t(`setup.${kind}.${section}.${key}`) });
+}
+
 /** The names, on the page, of the parameters whose values differ. */
 export function otherValues(kind: Kind, one: SetupValues, other: SetupValues): string[] {
   const sections = new Set([...Object.keys(one), ...Object.keys(other)]);
@@ -45,7 +50,7 @@ export function otherValues(kind: Kind, one: SetupValues, other: SetupValues): s
     const keys = new Set([...Object.keys(left), ...Object.keys(right)]);
     return [...keys]
       .filter((key) => JSON.stringify(left[key]) !== JSON.stringify(right[key]))
-      .map((key) => t("stale.field", { section: t(`setup.${kind}.${section}`), key: t(`setup.${kind}.${section}.${key}`) }));
+      .map((key) => parameterName(kind, section, key));
   });
 }
 

@@ -2,7 +2,12 @@ export type Kind = "lay" | "spray";
 
 export type State = "queued" | "running" | "done" | "failed" | "cancelled";
 
-export interface Fault {
+/** What has its sentence in other languages, by their codes. */
+export interface Told {
+  translations?: Record<string, string>;
+}
+
+export interface Fault extends Told {
   line?: number | null;
   column?: number | null;
   sentence: string;
@@ -10,7 +15,7 @@ export interface Fault {
   key?: string | null;
 }
 
-export interface Problem {
+export interface Problem extends Told {
   type: string;
   title: string;
   status: number;

@@ -2,6 +2,7 @@ import { controllers, machines, setupSchema, type Controller } from "../data/api
 import { h } from "../elements";
 import { fieldOf, plain, type Field } from "./fields";
 import { known, t } from "../i18n";
+import { inLanguage } from "./sentences";
 import { FIRST, KINDS, NAMES } from "../data/kinds";
 import type { Fault, Kind, SetupValues } from "../data/types";
 import { remember, remembered } from "../data/state";
@@ -29,6 +30,8 @@ interface Row {
   field: Field;
   element: HTMLElement;
   faultLine: HTMLElement;
+  /** What the server found wrong with the value; null after it was changed. */
+  told: Fault | null;
 }
 
 export interface Form {
@@ -40,6 +43,8 @@ export interface Form {
   check(): boolean;
   /** Shows each fault at its field. */
   faults(faults: Fault[]): void;
+  /** Opens the section of a parameter and focuses its field. */
+  go(section: string, key: string): void;
   retranslate(): void;
 }
 
@@ -92,8 +97,15 @@ export function createForm(root: HTMLElement, files: () => string[], onChange: (
     else row.field.first.removeAttribute("aria-invalid");
   };
 
+  /** The server's sentence about a field, without the name of the field. */
+  const told = (fault: Fault): string => inLanguage(fault, fault.sentence).replace(/^\[\w+\] [\w.]+: /, "");
+
+  const rowOf = (section?: string | null, key?: string | null): Row | undefined =>
+    rows.find((each) => each.section === section && each.key === key);
+
   const write = (set: SetupValues): void => {
     for (const row of rows) {
+      row.told = null;
       row.field.write(set[row.section]?.[row.key]);
       mark(row, "");
     }
@@ -137,8 +149,9 @@ export function createForm(root: HTMLElement, files: () => string[], onChange: (
           // A field with several inputs is announced as a group.
           if (field.first !== field.element) element.classList.add("wide");
           field.first.setAttribute("aria-describedby", `${about.id} ${faultLine.id}`);
-          const row = { section, key, field, element, faultLine };
+          const row: Row = { section, key, field, element, faultLine, told: null };
           field.element.addEventListener("input", () => {
+            row.told = null;
             mark(row, field.fault());
             changed();
           });
@@ -161,16 +174,23 @@ export function createForm(root: HTMLElement, files: () => string[], onChange: (
       return false;
     },
     faults(faults) {
-      for (const { section, key, sentence } of faults) {
-        const row = rows.find((each) => each.section === section && each.key === key);
+      for (const fault of faults) {
+        const row = rowOf(fault.section, fault.key);
         if (!row) continue;
-        mark(row, sentence);
+        row.told = fault;
+        mark(row, told(fault));
         open(row);
       }
     },
+    go(section, key) {
+      const row = rowOf(section, key);
+      if (!row) return;
+      open(row);
+      row.field.first.focus();
+    },
     retranslate() {
       for (const { field } of rows) field.offer?.();
-      for (const row of rows) if (row.faultLine.textContent) mark(row, row.field.fault() || row.faultLine.textContent);
+      for (const row of rows) if (row.faultLine.textContent) mark(row, row.field.fault() || (row.told ? told(row.told) : ""));
     },
   };
 }

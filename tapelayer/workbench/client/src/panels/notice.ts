@@ -1,7 +1,8 @@
 import { Refused } from "../data/api";
 import { h } from "../elements";
 import { problemTitle, t } from "../i18n";
-import type { Fault, Problem } from "../data/types";
+import { inLanguage, linked } from "./sentences";
+import type { Fault, Kind, Problem } from "../data/types";
 
 export interface Notice {
   /** `former` names the earlier results that are still shown. */
@@ -17,16 +18,24 @@ function place({ line, column }: Fault): string {
   return column ? t("problem.line-column", { line, column }) : t("problem.line", { line });
 }
 
-function sentences(problem: Problem): HTMLElement[] {
-  if (!problem.faults?.length) return [h("p", { class: "sentence" }, problem.detail)];
-  const rows = problem.faults.map((fault) =>
-    h("li", {}, h("span", { class: "line" }, place(fault)), h("span", { class: "sentence" }, fault.sentence)),
-  );
+/** The form's parameters: of which kind of job, and how to get to one. */
+export interface Parameters {
+  kind(): Kind;
+  go(section: string, key: string): void;
+}
+
+function sentences(problem: Problem, { kind, go }: Parameters): HTMLElement[] {
+  const shown = (sentence: string): (Node | string)[] => linked(sentence, kind(), go);
+  if (!problem.faults?.length) return [h("p", { class: "sentence" }, ...shown(inLanguage(problem, problem.detail)))];
+  const rows = problem.faults.map((fault) => {
+    const sentence = shown(inLanguage(fault, fault.sentence));
+    return h("li", {}, h("span", { class: "line" }, place(fault)), h("span", { class: "sentence" }, ...sentence));
+  });
   return [h("ul", { class: "faults" }, ...rows)];
 }
 
-/** Error messages, in the server's own sentences under a translated heading. */
-export function createNotice(root: HTMLElement): Notice {
+/** Error messages, in the server's sentences, with links to the parameters that they name. */
+export function createNotice(root: HTMLElement, parameters: Parameters): Notice {
   let current: Problem | null = null;
   let remaining = "";
 
@@ -41,7 +50,7 @@ export function createNotice(root: HTMLElement): Notice {
         "div",
         { class: "problem", testid: "problem", tabindex: 0, "data-code": current.code },
         h("header", {}, h("strong", {}, problemTitle(current)), code, close),
-        ...sentences(current),
+        ...sentences(current, parameters),
         ...reference,
         ...(remaining ? [h("p", { class: "about former" }, t("problem.former", { name: remaining }))] : []),
       ),
