@@ -22,7 +22,7 @@ from tests.helpers.machines import TEN_AXES, limited, tape_layer
 from tests.helpers.plies import PLIES, courses_of
 from tests.helpers.setups import setup_of
 from tests.helpers.surfaces import flat_course, helix_course
-from tests.helpers.trajectories import Rows, changed, moved, without
+from tests.helpers.trajectories import Rows, changed, moved, untimed, without
 
 COURSES = (flat_course(7), helix_course(8, heading=0.4, start=(0.5, -0.1)))
 C, A = TEN_AXES.index("c"), TEN_AXES.index("a")
@@ -64,7 +64,7 @@ class Good:
 def good() -> Good:
     trajectory = plan(COURSES, setup_of(), tape_layer())
     lines = np.arange(1, len(trajectory) + 1, dtype=np.int32)
-    return Good(Inspector(COURSES, setup_of(), tape_layer()), replace(trajectory, lines=lines))
+    return Good(Inspector(COURSES, setup_of(), tape_layer()), replace(untimed(trajectory), lines=lines))
 
 
 def test_a_good_trajectory_passes_with_its_numbers(good: Good) -> None:
