@@ -250,7 +250,7 @@ class Camera:
     def approach(self, place: Floats) -> None:
         """Zoom in on a place."""
         self.person.page.mouse.move(*self.pixel(place))
-        for _ in range(25):
+        for _ in range(30):
             self.person.page.mouse.wheel(0, -200)
         self.still()
 

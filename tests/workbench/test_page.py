@@ -135,7 +135,7 @@ def assert_on_the_way(person: Person, made: Made) -> float:
     values = made.shown(moves.within(rows, moves.fractions(rows, times)))
     readout = np.array([float(person.axes()[name]) for name in made.machine.names])
     # Arcs and ramps are drawn by straight pieces at even speeds that stay this close to them, mm or thousandths of rad.
-    bent = 0.05 * np.where(made.turning, np.degrees(1e-3), 1.0)
+    bent = 0.05 * np.where([axis.revolute for axis in made.machine.axes], np.degrees(1e-3), 1.0)
     doubts = 0.001 + bent + np.spacing(np.abs(readout).astype(np.float32)) + np.where(np.abs(readout) < EXACT, 0, 0.05)
     assert (readout > values.min(axis=0) - doubts).all() and (readout < values.max(axis=0) + doubts).all()
     current = person.program().locator(".nc-current")
