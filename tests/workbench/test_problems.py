@@ -87,7 +87,7 @@ LAY = Evidence(
     lay_speed=0.0,
     tape_width=0.0,
     roller_radius=0.0,
-    tape=TapeLedger((), (), 0.0, 0.0, 0.0, 0.0),
+    tape=TapeLedger((), (), (), 0.0, 0.0, 0.0, 0.0),
     failures=(Failure(3, 0, "cuts_made", 1.0, 2.0), Failure(1, 7, "position_error_mm", math.nan, 0.1, 42)),
 )
 SPRAY = SprayEvidence(
