@@ -201,6 +201,12 @@ class Gun:
         away[:3] += min(self.setup.spray.retract_mm * MM, free) * axis
         return np.concatenate([np.clip(away[:3], self.lower, self.upper), away[3:]])
 
+    def stopped(self, blocks: PlannedBlocks) -> PlannedBlocks:
+        """Return the blocks of a pass, ending in a stop where a retraction would overlap their blended end too fast."""
+        if self.rule.ramp_share == 1.0:
+            return blocks
+        return replace(blocks, tolerances=np.append(blocks.tolerances[:-1], 0.0))
+
     def near(self, end: Floats, start: Floats) -> bool:
         """Return whether the gun may move from joint values `end` to `start` (5,) with the arc on."""
         distance = float(np.linalg.norm(start[:3] - end[:3]))
@@ -238,6 +244,7 @@ class Gun:
         for before, piece in zip(pieces, pieces[1:], strict=False):
             end, start = before.joints[-1], piece.joints[0]
             left, approach = self.retracted(end), self.retracted(start)
+            parts[-1] = self.stopped(parts[-1])
             parts += [
                 switch_block(end, Event.ARC_OFF),
                 self.fed(end, left[None]),
@@ -270,11 +277,13 @@ def _trajectory(gun: Gun, sprayed: Sequence[SprayedPass]) -> Trajectory:
             parts.append((each.index, gun.linked(at, start)))
         else:
             if before is not None:
+                parts[-1] = (before.index, gun.stopped(parts[-1][1]))
                 parts.append((before.index, gun.left(at, layer_done)))
                 at = parts[-1][1].joints[-1]
             parts.append((each.index, gun.approached(at, start)))
         parts.append((each.index, gun.sprayed(each.pieces)))
         at = each.pieces[-1].joints[-1]
+    parts[-1] = (sprayed[-1].index, gun.stopped(parts[-1][1]))
     parts.append((sprayed[-1].index, gun.left(at, layer_done=False)))
     passes = np.repeat([index for index, _ in parts], [len(blocks) for _, blocks in parts])
     return PlannedBlocks.joined([blocks for _, blocks in parts]).trajectory(AXES, passes)
