@@ -375,9 +375,9 @@ def test_delayed_knives_cut_where_prompt_ones_do(delay: int, angles: tuple[float
 
 def slides(trajectory: Trajectory, words: np.ndarray, seconds: float) -> np.ndarray:
     """Where the slide of knife 1 is so many seconds after each of some words."""
-    done = trajectory.progress(trajectory.times[words] + seconds)
-    blocks = np.minimum(done.astype(np.int64), len(trajectory) - 1)
-    return trajectory.within(blocks, done - blocks)[:, TEN_AXES.index("v")]
+    times = trajectory.times[words] + seconds
+    blocks = np.searchsorted(trajectory.times, times)
+    return trajectory.within(blocks, trajectory.fractions(blocks, times))[:, TEN_AXES.index("v")]
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,7 @@ def test_a_good_trajectory_passes_with_its_numbers(good: Good) -> None:
     assert evidence.duration == good.trajectory.duration
     assert evidence.forward_disagreement < 1e-12
     use = {axis.name: axis for axis in evidence.axes}
-    assert use["c"].greatest == pytest.approx(0.4, abs=1e-6)
+    assert use["c"].greatest == pytest.approx(0.4, abs=1e-5)
     assert use["u"].top_speed <= use["u"].speed_limit
     assert use["y"].margin == min(use["y"].least, 2.0 - use["y"].greatest)
 
@@ -123,7 +123,7 @@ def link_rows(good: Good) -> np.ndarray:
         ("heading_error_deg", lambda good: good.moved("c", 0.06 * DEG), 8, at_middle),
         ("position_error_mm", lambda good: good.without(good.laid(1)[8:11]), 8, behind_middle),
         ("laid_length_mm", lambda good: good.without(good.laid(1)[-1:]), 8, lambda good: good.laid(1)[-2] + 1),
-        ("tape_run_back_mm", lambda good: good.moved("u", -20 * MM), 8, at_middle),
+        ("tape_run_back_mm", lambda good: good.moved("u", -60 * MM), 8, at_middle),
         ("courses_laid", lambda good: good.without(good.at(Event.SHOE_DOWN)[1:]), 0, at_end),
         ("shoe_switched_again", lambda good: good.without(good.at(Event.SHOE_UP)[:1]), 0, at_second(Event.SHOE_DOWN)),
         ("shoe_left_on", lambda good: good.without(good.at(Event.SHOE_UP)[1:]), 0, at_second(Event.SHOE_DOWN)),
