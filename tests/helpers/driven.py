@@ -110,6 +110,15 @@ class Driven(Frozen):
         """Seconds on the control from the first feed to the end."""
         return float(self.real_ends[-1] - self.real_ends[self.first_feed])
 
+    @property
+    def held_up_s(self) -> float:
+        """Seconds for which the control stood still longer than the law says, at words that wait or dwell."""
+        moved = np.any(np.diff(self.joints[:, self.sampled], axis=0) != 0.0, axis=1)
+        rest = np.setdiff1d(np.arange(len(self.trajectory)), self.moving)
+        inner = rest[(rest > self.moving[0]) & (rest < self.moving[-1])]
+        still = np.sum(~moved[: np.flatnonzero(moved)[-1]]) * CYCLE_S
+        return float(still - np.sum(self.clock.durations[inner]))
+
     def predicted_joints(self) -> Floats:
         """Joints (n, k) by the law at the times of the samples."""
         times = self.times + self.clock.moments[0]
