@@ -230,7 +230,7 @@ def test_a_setup_names_files_that_came_with_it(tmp_path: Path) -> None:
     [
         (
             ('upper="2.5"', 'upper="2,5"'),
-            ":57: joint 'x': <limit> upper is '2,5', expected a number",
+            ":58: joint 'x': <limit> upper is '2,5', expected a number",
         ),
         (
             ('type="revolute"', 'type="continuous"'),

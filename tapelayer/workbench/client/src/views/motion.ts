@@ -118,9 +118,10 @@ export class Motion {
     return Math.max(lowerBound(this.lines, line + 1) - 1, 0);
   }
 
-  /** First row of a course; -1 if it has none. */
+  /** Row at the end of the first block of a course; -1 if it has none. */
   rowOfCourse(course: number): number {
-    return this.courses.indexOf(course);
+    const first = this.courses.indexOf(course);
+    return first < 0 ? first : lowerBound(this.blockOf, this.blockOf[first]! + 1) - 1;
   }
 
   private between(values: Float32Array, axis: number, row: number, done: number): number {
