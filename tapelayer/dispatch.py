@@ -14,7 +14,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from tapelayer.errors import TapelayerError, printable
+from tapelayer.errors import TapelayerError, escaped, printable
 from tapelayer.sentences import said
 
 if TYPE_CHECKING:
@@ -83,7 +83,12 @@ def _make_printable() -> None:
     """
     codecs.register_error("readable", _readable)
     assumed = sys.flags.utf8_mode and not {"PYTHONUTF8", "PYTHONIOENCODING"} & os.environ.keys()
-    plain = assumed and codecs.lookup(locale.getencoding()).name == "ascii"
+    named = next(filter(None, map(os.environ.get, ("LC_ALL", "LC_CTYPE", "LANG"))), "")
+    # A locale that is not installed works as C, but its terminals show what its name says.
+    shows_ascii = codecs.lookup(locale.getencoding()).name == "ascii" and not re.search(
+        r"\.utf-?8\b", named, re.IGNORECASE
+    )
+    plain = assumed and shows_ascii
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(encoding="ascii" if plain else None, errors="readable")
@@ -93,10 +98,7 @@ def _readable(error: UnicodeError) -> tuple[str, int]:
     """Return characters that a stream cannot show as escapes, those of a file name that is no text as its bytes."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
-    shown = []
-    for sign in error.object[error.start : error.end]:
-        shown.append(rf"\x{ord(sign) - 0xDC00:02x}" if "\udc80" <= sign <= "\udcff" else ascii(sign)[1:-1])
-    return "".join(shown), error.end
+    return "".join(map(escaped, error.object[error.start : error.end])), error.end
 
 
 def _say(sentence: str) -> None:

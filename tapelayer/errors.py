@@ -14,12 +14,22 @@ def printable(text: str) -> str:
     r"""Return a text for a message, with what a terminal would act on, or not show, as escapes.
 
     Examples:
-        >>> printable("part\x1b[2J"), printable("one\ntwo")
-        ('part\\x1b[2J', 'one\\ntwo')
+        >>> printable("part\x1b[2J"), printable("one\ntwo"), printable("panel\udcff.nc")
+        ('part\\x1b[2J', 'one\\ntwo', 'panel\\xff.nc')
     """
     if text.isprintable():
         return text
-    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
+    return "".join(sign if sign.isprintable() else escaped(sign) for sign in text)
+
+
+def escaped(sign: str) -> str:
+    r"""Return a character as an escape in ASCII; one that stands for a byte of a name that is no text as that byte.
+
+    Examples:
+        >>> escaped("\x1b"), escaped("\udcff"), escaped("\u94fa")
+        ('\\x1b', '\\xff', '\\u94fa')
+    """
+    return rf"\x{ord(sign) - 0xDC00:02x}" if "\udc80" <= sign <= "\udcff" else ascii(sign)[1:-1]
 
 
 class Travel(Protocol):

@@ -12,14 +12,13 @@ from typing import get_args
 import numpy as np
 
 from post.controllers.table import Controller
+from tapelayer.geometry.stl import HEADER_BYTES, RECORD
 from tapelayer.jobs.kind import Form
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of
 from tapelayer.text import beginning
 
 # As much as tells what a file is.
 HEAD_BYTES = 1 << 16
-STL_HEAD = 84
-STL_RECORD = 50
 # Numbers of a facet that are none of these are not numbers of a facet.
 LARGEST, SMALLEST, LONGEST_NORMAL = 1e9, 1e-30, 1.01
 
@@ -145,12 +144,13 @@ def source_of(form: Form) -> Content:
 
 def _is_binary_stl(data: bytes, size: int) -> bool:
     """Return whether a file is binary and begins with a facet, or has as many bytes as its count of facets says."""
-    if len(data) < STL_HEAD + STL_RECORD or b"\0" not in data[:1024]:
+    first = HEADER_BYTES + 4
+    if len(data) < first + RECORD.itemsize or b"\0" not in data[:1024]:
         return False
-    count = int.from_bytes(data[STL_HEAD - 4 : STL_HEAD], "little")
-    if size == STL_HEAD + STL_RECORD * count:
+    count = int.from_bytes(data[HEADER_BYTES:first], "little")
+    if size == first + RECORD.itemsize * count:
         return True
-    numbers = np.frombuffer(data, dtype="<f4", count=12, offset=STL_HEAD).astype(np.float64)
+    numbers = np.frombuffer(data, dtype="<f4", count=12, offset=first).astype(np.float64)
     sized = (np.abs(numbers) < LARGEST) & ((numbers == 0) | (np.abs(numbers) > SMALLEST))
     return bool(count and np.all(sized) and np.linalg.norm(numbers[:3]) < LONGEST_NORMAL)
 

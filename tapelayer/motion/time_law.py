@@ -328,8 +328,15 @@ class _Ramps(Frozen):
         rate = self.accelerations[other, None]
         ramps = np.minimum(self.first[other, None] + rate * since, self.last[other, None] + rate * left)
         # A block may begin with the one before; where the next begins, its own speed there is the one that counts.
-        inside = (since > -SAME_MOMENT if shift < 0 else since > SAME_MOMENT) & (left > SAME_MOMENT)
-        found[rows] = np.where(inside, np.minimum(ramps, self.tops[other, None]), 0.0)
+        begun = since > -SAME_MOMENT if shift < 0 else since > SAME_MOMENT
+        inside = begun & (left > SAME_MOMENT)
+        speeds = np.where(inside, np.minimum(ramps, self.tops[other, None]), 0.0)
+        # The halves of the arcs at its corners.
+        arcs, corners = self.arcs[other, None], self.corners[other, None]
+        before = np.append(0.0, self.arcs[:-1])[other, None], np.append(0.0, self.corners[:-1])[other, None]
+        after = (left <= SAME_MOMENT) & (left + arcs > SAME_MOMENT)
+        ahead = ~begun & (since + before[0] > SAME_MOMENT)
+        found[rows] = speeds + np.where(after, corners, 0.0) + np.where(ahead, before[1], 0.0)
         return found
 
 

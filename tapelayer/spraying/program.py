@@ -217,8 +217,8 @@ class Gun:
 
     def linked(self, end: Floats, start: Floats) -> PlannedBlocks:
         """Return blocks from the end of a pass straight to the start of the next, with the arc on."""
-        distance = float(np.linalg.norm(start[:3] - end[:3]))
-        steps = max(math.ceil(distance / (self.setup.spray.max_point_spacing_mm * MM) - 1e-9), 1)
+        turn = abs(float(start[3] - end[3]))
+        steps = max(math.ceil(turn / (self.setup.verification.max_theta_step_deg * DEG) - 1e-9), 1)
         return self.passed(end, np.linspace(end, start, steps + 1)[1:]).stating(0, _EVERY_AXIS)
 
     def approached(self, begin: Floats, start: Floats) -> PlannedBlocks:

@@ -20,7 +20,7 @@ from tapelayer.sentences import said
 EPILOG = (
     "Example: [bold]tapelayer serve --host 0.0.0.0 --token-file token --tls-cert cell.pem --tls-key cell.key[/bold]"
 )
-EXTRA = ("defusedxml", "fast_simplification", "fastapi", "python_multipart", "uvicorn")
+EXTRA = ("defusedxml", "fast_simplification", "fastapi", "h11", "python_multipart", "uvicorn")
 TOKEN_LENGTH = 16
 TOKEN_CHARACTERS = frozenset(string.ascii_letters + string.digits + "-._~+/=")
 OTHERS_MAY = 0o077
@@ -28,7 +28,10 @@ OTHERS_MAY = 0o077
 
 def serve(
     host: Annotated[
-        str, typer.Option("--host", help="Address to listen on; other than this machine's own wants a token.")
+        str,
+        typer.Option(
+            "--host", metavar="ADDRESS", help="Address to listen on; other than this machine's own wants a token."
+        ),
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port; 0 takes any free one.")] = 8765,
     work_dir: Annotated[
