@@ -208,7 +208,8 @@ class _Search:
         self.tried = logs
         asked = ahead * np.exp(self.powers * (np.log(self.wanted) - logs[1]))
         halved = slow | (asked <= self.low) | (asked >= self.high)
-        return np.where(halved & np.isfinite(self.high), 0.5 * (self.low + self.high), asked)
+        placed: Floats = np.where(halved & np.isfinite(self.high), 0.5 * (self.low + self.high), asked)
+        return placed
 
 
 def _taken(clock: Clock, until: Floats, asked: Floats) -> Floats:
