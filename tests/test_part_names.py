@@ -9,6 +9,7 @@ from post import controllers, reader
 from tapelayer.jobs.part_names import part_names, placed
 from tapelayer.motion.time_law import Limits
 
+UNSTATED = np.full(3, np.inf)
 STATED = "%\nG00 X0 Y0 Z0\n"
 
 
@@ -16,7 +17,7 @@ def program(*comments: str) -> reader.Program:
     """Return a program of one block before its comments and one block after each."""
     text = STATED + "".join(f"({comment})\nG00 X{place}\n" for place, comment in enumerate(comments, 1)) + "M30\n%\n"
     table = controllers.load("jb3208")
-    return reader.read(text.encode(), table, ("x", "y", "z"), Limits(np.ones(3)), "p.nc")
+    return reader.read(text.encode(), table, ("x", "y", "z"), Limits(np.ones(3), UNSTATED, UNSTATED), "p.nc")
 
 
 @pytest.mark.parametrize("word", ["course", "pass"])

@@ -171,6 +171,17 @@ def test_lists_of_names() -> None:
     )
 
 
+def test_a_phrase_with_the_signs_of_a_list_is_no_list() -> None:
+    phrase = "table.toml:30: blocks.restated[0]: expected printable ASCII signs, and not blanks alone, got ' '"
+    assert translated(phrase, "zh") == (
+        "table.toml:30: blocks.restated[0]: 应为 可打印的 ASCII 字符，且不得只有空格，实为 ' '"
+    )
+    lost = (
+        "p.stl: no pass can be sprayed on it: of the surface 2 cm2 too steep, 3 cm2 hidden; turn the part or place it "
+    )
+    assert "2 cm2 过陡，3 cm2 被遮挡；" in translated(f"{lost}elsewhere", "zh")
+
+
 def test_failures_in_words() -> None:
     assert translated(Failure(5, 51, "courses_laid", 3, 4, 12).sentence(), "zh") == (
         "第 12 行: 道次 5 点 51: 已铺道次数为 3，限值 4"
