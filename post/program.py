@@ -59,7 +59,33 @@ def write(
             or the blocks contradict themselves.
         ControllerRefused: the control has no address for one of the machine's axes.
     """
-    trajectory = verified.trajectory
+    return _text(verified.trajectory, controller, provenance, levels, names)
+
+
+def withheld(
+    trajectory: Trajectory,
+    controller: Controller,
+    provenance: Provenance,
+    levels: Mapping[Event, float] = MappingProxyType({}),
+    names: Sequence[str] = (),
+) -> tuple[str, ...]:
+    """Return the lines that `write` would give to a trajectory that failed: to be read, and no file to be run.
+
+    Raises:
+        NotWritable: as `write`.
+        ControllerRefused: as `write`.
+    """
+    return tuple(_text(trajectory, controller, provenance, levels, names).decode("ascii").splitlines())
+
+
+def _text(
+    trajectory: Trajectory,
+    controller: Controller,
+    provenance: Provenance,
+    levels: Mapping[Event, float],
+    names: Sequence[str],
+) -> bytes:
+    """Return the NC text of a trajectory."""
     if not len(trajectory):
         raise NotWritable("the trajectory has no blocks, so there is no program to write")
     columns = columns_of(trajectory, moving(trajectory), controller.addressed(trajectory.axes))

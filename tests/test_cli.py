@@ -498,3 +498,19 @@ def test_a_moment_that_is_none_is_refused_before_any_work(tmp_path: Path, epoch:
     sentence = f"expected whole seconds since 1970, got {epoch!r}; set it to such a number, or unset it"
     assert (done.returncode, done.stderr) == (2, f"SOURCE_DATE_EPOCH: {sentence}\n")
     assert not names(tmp_path)
+
+
+def test_controls_are_compared_in_one_table(tmp_path: Path) -> None:
+    """A row a control, with the figures of its own export; nothing is written, and those without the axes are named."""
+    shown = run("compare", FLAT, cwd=tmp_path).stdout
+    for control in ("jb3208", "linuxcnc", "linuxcnc_remap", "sinumerik840d"):
+        assert f" {control} " in shown
+    assert "controller generic5: has no address for axis u" in shown
+    told = json.loads(run("compare", FLAT, "--json", cwd=tmp_path).stdout)
+    assert set(told) == {"generic5", "jb3208", "linuxcnc", "linuxcnc_remap", "sinumerik840d"}
+    assert names(tmp_path) == set()
+    run("export", FLAT, "--controller", "linuxcnc", "--report", "a.json", "--quiet", cwd=tmp_path)
+    report = json.loads((tmp_path / "a.json").read_text())
+    for key in ("duration_s", "asked_s", "speed_share", "laying_stops", "time_law", "passed"):
+        assert told["linuxcnc"][key] == report[key]
+    assert "expected a course number" in run("compare", ROOT / "pyproject.toml", cwd=tmp_path, expect=2).stderr

@@ -137,8 +137,8 @@ def verify(
     with ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {source}")
         text = bytes_of(program)
-        values = _setup(name, setup, controller, options)
-        job = _read(kind_of(name), source, values, units)
+        values = setup_of(name, setup, controller, options)
+        job = read_job(kind_of(name), source, values, units)
         written = [file for file in (outputs.report, outputs.html) if file is not None]
         check_outputs(values, [program, source, setup], written, force)
         with expecting(program, Content(Form.PROGRAM)), _naming(source):
@@ -148,7 +148,7 @@ def verify(
     for remark in result.remarks:
         sys.stderr.write(f"{said(remark)}\n")
     if as_json:
-        _print_json(result.report_file(occasion))
+        print_json(result.report_file(occasion))
     if not quiet:
         _conclude(result, program, notices if as_json else output, spoken)
     if result.failure:
@@ -247,7 +247,7 @@ class _Making:
         """
         if self.as_json and outputs[0].to_stdout:
             raise OptionRefused.because("--json", "the program goes to stdout already, by -o -; leave one of them out")
-        setup = _setup(self.name, self.setup_file, controller, options)
+        setup = setup_of(self.name, self.setup_file, controller, options)
         try:
             names = [name for each in outputs for name in each.names]
             check_outputs(setup, [*sources, self.setup_file], names, self.force)
@@ -265,7 +265,7 @@ class _Making:
         with ProgressBar(self.quiet, self.verbose) as steps:
             result, occasion = self._made(source, outputs, setup, steps)
         if self.as_json:
-            _print_json(result.report_file(occasion))
+            print_json(result.report_file(occasion))
         if result.failure:
             raise result.failure
         if outputs.to_stdout:
@@ -293,7 +293,7 @@ class _Making:
             else:
                 self._report_line(result, each)
         if self.as_json:
-            _print_json(f"{json.dumps(told, indent=2, allow_nan=False)}\n".encode())
+            print_json(f"{json.dumps(told, indent=2, allow_nan=False)}\n".encode())
         if worst:
             raise typer.Exit(worst)
 
@@ -309,7 +309,7 @@ class _Making:
     ) -> tuple[JobResult[Any], Occasion]:
         """Return the result of a source, saved if it passed, and the occasion of its judgement."""
         steps.begin(f"reading {source}")
-        job = _read(self.kind, source, setup, self.unit)
+        job = read_job(self.kind, source, setup, self.unit)
         with _naming(source):
             result = job.make(outputs.program, steps)
         occasion = occasion_of("" if outputs.to_stdout else outputs.program, self.setup_file)
@@ -319,7 +319,7 @@ class _Making:
         return result, occasion
 
 
-def _read(kind: JobKind, source: str, setup: JobSetup, unit: Unit) -> MachineJob[Any, Any]:
+def read_job(kind: JobKind, source: str, setup: JobSetup, unit: Unit) -> MachineJob[Any, Any]:
     """Return the job of a source."""
     with expecting(source, source_of(kind.source.form)), expecting(setup.output.controller, Content(Form.CONTROLLER)):
         return kind.read(source, setup, unit)
@@ -358,12 +358,13 @@ def _print_passed(result: JobResult[Any], name: str, console: Console, language:
     console.print(words, highlight=False, soft_wrap=True, markup=False)
 
 
-def _print_json(text: bytes) -> None:
+def print_json(text: bytes) -> None:
+    """Print the bytes of a JSON text on stdout."""
     sys.stdout.buffer.write(text)
     sys.stdout.buffer.flush()
 
 
-def _setup(
+def setup_of(
     name: KindName, setup_file: str | None, controller: str | None, options: Mapping[str, str | None]
 ) -> JobSetup:
     """Return the setup of a file, or the default one, with the options in place of its values."""

@@ -116,8 +116,9 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
     controller: Controller
     provenance: Provenance
 
-    # Name of this kind of source.
+    # Name of this kind of source, and of the parts of a program.
     SOURCE: ClassVar[str]
+    PART: ClassVar[str]
 
     @property
     @abstractmethod
@@ -262,8 +263,27 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
 
     def text(self, planned: Verified[Evidence]) -> bytes:
         """Return the NC text of a verified trajectory."""
-        names = part_names(planned.evidence.PART, self.numbers(planned.trajectory))
-        return program.write(planned, self.controller, self.provenance, self.levels(), names)
+        return program.write(planned, self.controller, self.provenance, self.levels(), self._names(planned.trajectory))
+
+    def _names(self, trajectory: Trajectory) -> tuple[str, ...]:
+        """Return what the comments of a program call its courses or passes."""
+        return part_names(self.PART, self.numbers(trajectory))
+
+    def withheld(self, result: JobResult[Evidence], name: str) -> tuple[tuple[str, ...], Trajectory]:
+        """Return the lines of a program that failed, to be read by people, and its motion with their numbers.
+
+        Args:
+            result: of this job.
+            name: of the program, for messages.
+
+        Raises:
+            TapelayerError: the control has no words for a motion that failed as it was planned.
+        """
+        if result.text:
+            return tuple(result.text.decode().splitlines()), result.trajectory
+        names = self._names(result.trajectory)
+        lines = program.withheld(result.trajectory, self.controller, self.provenance, self.levels(), names)
+        return lines, self.read_back("\n".join(lines).encode() + b"\n", name).trajectory
 
     def read_back(self, text: bytes, name: str) -> reader.Program:
         """Return the program in an NC text.

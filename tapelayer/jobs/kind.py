@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from tapelayer.arrays import Floats
 from tapelayer.geometry.mesh import Mesh
+from tapelayer.geometry.toolpath import Toolpath
 from tapelayer.jobs.job import MachineJob
 from tapelayer.jobs.stages import Weights
 from tapelayer.machines.machine import Machine
 from tapelayer.reporting.quantity import Row
 from tapelayer.reporting.words import Words
 from tapelayer.setups.sections import JobSetup
+from tapelayer.units import MM
 from tapelayer.verification.limits import Limits
 
 
@@ -124,6 +128,25 @@ class SceneTable:
     columns: tuple[str, ...]
     rows: Floats
     extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+def point_table(what: str, paths: Sequence[Toolpath]) -> SceneTable:
+    """Return the arc length of every point of courses or passes from their first point, in their order.
+
+    Args:
+        what: column of their numbers.
+        paths: the courses or passes.
+
+    Examples:
+        >>> path = Toolpath(3, np.zeros((2, 3)), np.zeros((2, 3)), np.array([0.1, 0.6]))
+        >>> point_table("course", [path]).rows.tolist()
+        [[3.0, 0.0], [3.0, 500.0]]
+    """
+    rows = [np.zeros((0, 2))]
+    for path in paths:
+        along = path.arc_lengths - path.arc_lengths[0]
+        rows.append(np.column_stack([np.full(len(along), path.number), along / MM]))
+    return SceneTable((what, "arc_length_mm"), np.vstack(rows))
 
 
 @dataclass(frozen=True)

@@ -213,7 +213,8 @@ def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -
         side = float(min(-np.min(across), np.max(across), *np.abs(sweep.ends)))
         # The control may round off a sweep's ends, but not over the tape.
         rounded = float(min(-np.min(sweep.across), np.max(sweep.across)))
-        if not (side >= sweep_width / 2 - limits.max_cut_error_mm * MM and rounded >= sweep.half):
+        allowed = limits.max_cut_error_mm * MM
+        if not (side >= sweep_width / 2 - allowed and rounded >= sweep.half - allowed):
             failures.append(Failure(course, point, "cut_width_mm", 2 * side / MM, sweep_width / MM, row))
         made.append(
             CutMade(

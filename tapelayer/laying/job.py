@@ -54,6 +54,7 @@ class Job(MachineJob[None, Evidence]):
     courses: tuple[Course, ...]
 
     SOURCE = "course file"
+    PART = "course"
 
     @staticmethod
     def read(path: Path | str, setup: Setup, unit: Unit = "mm") -> Job:

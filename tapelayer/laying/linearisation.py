@@ -184,10 +184,16 @@ def _balanced(motion: CourseMotion, ends: Floats, stops: Floats) -> Poses:
     if len(ends) < 3:
         return poses
     middles = motion.poses((ends[1:] + ends[:-1]) / 2.0)
+    # A block between two required ends cannot be made shorter: where it is the longer one its ends are moved for it.
+    whole = np.isin(ends[:-1], stops) & np.isin(ends[1:], stops)
     joints, wrap, free = poses.joints.copy(), poses.wrap.copy(), ~np.isin(ends[1:-1], stops)
     for values, inner, moved in ((joints, middles.joints, True), (wrap, middles.wrap, free)):
         sags = inner - (values[1:] + values[:-1]) / 2.0
-        values[1:-1] += np.where(moved, (sags[1:] + sags[:-1]) / 4.0, 0.0)
+        before, after = sags[:-1], sags[1:]
+        longer = np.where(np.abs(before) > np.abs(after), before, after)
+        given = np.where((np.abs(before) > np.abs(after)).T, whole[:-1], whole[1:]).T
+        out = np.where(given & (before * after > 0.0), longer / 2.0, (before + after) / 4.0)
+        values[1:-1] += np.where(moved, out, 0.0)
     return Poses(ends, joints, wrap)
 
 

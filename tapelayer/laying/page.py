@@ -24,6 +24,7 @@ from tapelayer.reporting.page import (
     verdict,
 )
 from tapelayer.reporting.quantity import open_words
+from tapelayer.reporting.speed_plot import speed_plot
 from tapelayer.reporting.subject import subject_tables
 from tapelayer.reporting.words import ENGLISH, NOT_MEASURED, Say, Words, shown
 
@@ -54,7 +55,7 @@ def html(
         not_judged: what no verdict covers.
         say: the language.
     """
-    limits, absent = evidence.limits, say.words(NOT_MEASURED)
+    limits, absent, samples = evidence.limits, say.words(NOT_MEASURED), evidence.samples
     more = [
         *((say.words(SHARES[key]), shown(share, "%", "z.1f", absent)) for key, share in report["time_shares"].items()),
         (say("kinematics", "运动学"), setup.process.kinematics),
@@ -73,6 +74,8 @@ def html(
         *plan_view(evidence, say),
         element("h2", say("Tape", "带料")),
         *tape_view(evidence, report, say),
+        element("h2", say("Laying speed", "铺放速度")),
+        *speed_plot(samples.courses, samples.arc_lengths, samples.times, samples.asked, evidence.lay_speed, say),
         element("h2", say("Errors along the courses", "沿道次的误差")),
         *course_plots(evidence, say),
         element("h2", say("Axis positions and speeds", "各轴位置与速度")),

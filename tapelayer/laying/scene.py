@@ -12,7 +12,7 @@ from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.courses.course import Course
 from tapelayer.geometry.curves import Curve
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.jobs.kind import Scene, SceneTable
+from tapelayer.jobs.kind import Scene, SceneTable, point_table
 from tapelayer.laying.evidence import Samples
 from tapelayer.laying.job import LayingResult
 from tapelayer.laying.placing import courses_in_machine
@@ -37,7 +37,11 @@ def scene(result: LayingResult, mould: Mesh | None) -> Scene:
     """
     job, samples = result.job, result.evidence.samples
     numbers = np.array([course.number for course in job.courses])
-    tables = {"errors": error_table(samples, numbers), "tape": tape_table(samples, job.courses, job.setup)}
+    tables = {
+        "errors": error_table(samples, numbers),
+        "tape": tape_table(samples, job.courses, job.setup),
+        "points": point_table("course", job.courses),
+    }
     surfaces = {}
     if mould is not None:
         part = job.setup.part
@@ -68,8 +72,9 @@ def error_table(samples: Samples, numbers: Ints) -> SceneTable:
 
 
 def tape_table(samples: Samples, courses: Sequence[Course], setup: Setup) -> SceneTable:
-    """Return the edge points of the laid tape in pairs, left and right, each across the course.
+    """Return the edge points of the laid tape in pairs, left and right, each across the course at an arc length.
 
+    `left_mm` is how far left of the course its left point lies, so that a point between a pair has a place across.
     At a slanted cut the points lie on its line, so that the first and the last pair of a course are one corner each.
 
     Args:
@@ -77,7 +82,7 @@ def tape_table(samples: Samples, courses: Sequence[Course], setup: Setup) -> Sce
         courses: in the part's frame.
         setup: the job's values.
     """
-    parts = [np.zeros((0, 8))]
+    parts = [np.zeros((0, 10))]
     for index, path in enumerate(courses_in_machine(courses, setup)):
         rows = slice(*np.searchsorted(samples.courses, [index, index + 1]).tolist())
         measured = np.isfinite(samples.arc_lengths[rows])
@@ -85,11 +90,12 @@ def tape_table(samples: Samples, courses: Sequence[Course], setup: Setup) -> Sce
         if len(arcs) and arcs[-1] > 0.0:
             curve = Curve(path)
             ribbon = _Ribbon(curve, min(curve.length, float(arcs[-1])), setup.tape.width_mm * MM, courses[index])
-            places, edges = ribbon.pairs()
+            places, left, edges = ribbon.pairs()
             laid = np.interp(places, arcs, times)
-            parts.append(np.column_stack([laid, np.full(len(laid), path.number), edges / MM]))
+            own = np.full(len(laid), path.number)
+            parts.append(np.column_stack([laid, own, edges / MM, places / MM, left / MM]))
     edge = tuple(f"{side}_{axis}_mm" for side in ("left", "right") for axis in "xyz")
-    return SceneTable(("time_s", "course", *edge), np.vstack(parts))
+    return SceneTable(("time_s", "course", *edge, "arc_length_mm", "left_mm"), np.vstack(parts))
 
 
 class _Ribbon:
@@ -108,21 +114,25 @@ class _Ribbon:
         # Slopes of the cuts, along the course over across to the left: sigma(w) = sigma_0 + w cot(alpha).
         self.slopes = [slope if abs(slope) * width > SQUARE else 0.0 for slope in slopes]
 
-    def pairs(self) -> tuple[Floats, Floats]:
-        """Return arc lengths (n,) in metres, and the left and right edge points (n, 6) there in metres."""
+    def pairs(self) -> tuple[Floats, Floats, Floats]:
+        """Return arc lengths (n,), the left edge off the course (n,) and both edge points (n, 6) there, all metres."""
         first, last = (self.half * abs(slope) for slope in self.slopes)
         low, high = -first, self.end + last
         corners = np.array([low, first, self.end - last, high])
         steps = np.linspace(low, high, math.ceil((high - low) / EDGE_STEP) + 1)
         places = np.union1d(steps, corners[(corners >= low) & (corners <= high)])
-        edges = self._edges(places)
+        left, edges = self._edges(places)
         kept = np.isin(places, corners)
         kept[:: math.floor(PAIR_STEP / EDGE_STEP)] = True
         kept = needed(places, edges, kept)
-        return places[kept], edges[kept]
+        return places[kept], left[kept], edges[kept]
 
-    def _edges(self, places: Floats) -> Floats:
-        """Return left and right edge points (n, 6) in metres at (n,) arc lengths, straight on beyond the ends."""
+    def _edges(self, places: Floats) -> tuple[Floats, Floats]:
+        """Return the left edge off the course (n,), and left and right edge points (n, 6), straight on beyond the ends.
+
+        Args:
+            places: (n,) arc lengths, metres.
+        """
         right, left = np.full(len(places), -self.half), np.full(len(places), self.half)
         # There is tape at s along and w across if s >= w slope for the first cut and s <= end + w slope for the last.
         for away, slope, side in ((places, self.slopes[0], 1.0), (self.end - places, self.slopes[1], -1.0)):
@@ -136,7 +146,7 @@ class _Ribbon:
         points = points + (places - inside)[:, None] * tangents
         across = np.cross(normals, tangents)
         across /= np.linalg.norm(across, axis=1)[:, None]
-        return np.hstack([points + left[:, None] * across, points + right[:, None] * across])
+        return left, np.hstack([points + left[:, None] * across, points + right[:, None] * across])
 
 
 def needed(places: Floats, edges: Floats, kept: Mask) -> Mask:

@@ -19,6 +19,8 @@ ARC_SHARE = math.sqrt(3.0) / 2.0
 OVER_A_CYCLE = 1.02
 # Shares below this are rounding.
 ROUNDING = 1e-9
+# What is left of a block between two arcs counts as no shorter than this, in path units.
+NO_LENGTH = 1e-12
 
 
 @dataclass(frozen=True)
@@ -230,11 +232,13 @@ def _linuxcnc(chain: Chain, rule: Rule) -> Passing:
     caps = np.zeros(len(speeds))
     caps[:-1] = np.where(tangent, np.minimum(np.minimum(tops[:-1], tops[1:]), corner), 0.0)
     onsets = np.zeros(len(speeds))
-    onsets[:-1] = np.where(parabolic, _onsets(chain, speeds, accelerations, half, rule.cycle), 0.0)
-    # A full stop ends on a servo cycle: half a cycle on average.
-    stops = np.append(~tangent & ~parabolic, True)
     trims = np.append(radii * half / np.sqrt(np.maximum(1.0 - half**2, 1e-12)), 0.0)
     arcs = np.append(radii * 2.0 * np.arcsin(half), 0.0)
+    lengths = chain.lengths - trims - np.append(0.0, trims[:-1])
+    blends = _onsets(lengths, speeds, accelerations, chain.tolerances, half, rule.cycle)
+    onsets[:-1] = np.where(parabolic, blends, 0.0)
+    # A full stop ends on a servo cycle: half a cycle on average.
+    stops = np.append(~tangent & ~parabolic, True)
     pauses = np.where(stops, rule.cycle / 2.0, 0.0)
     return Passing(speeds, accelerations, caps, onsets, pauses, np.zeros(len(speeds)), trims, arcs)
 
@@ -288,21 +292,24 @@ def _passed(
     return smooth | arced, share, np.where(smooth, reached, np.minimum(np.maximum(kinked, arc), reached)), radii
 
 
-def _onsets(chain: Chain, speeds: Floats, accelerations: Floats, half: Floats, cycle: float) -> Floats:
+def _onsets(
+    lengths: Floats, speeds: Floats, accelerations: Floats, tolerances: Floats, half: Floats, cycle: float
+) -> Floats:
     """Return the path speed (m - 1,) below which a braking block lets the next one begin."""
-    triangles = np.sqrt(accelerations * chain.lengths)
+    lengths = np.maximum(lengths, NO_LENGTH)
+    triangles = np.sqrt(accelerations * lengths)
     peaks = np.minimum(triangles, speeds)
     first, second = peaks[:-1], peaks[1:]
-    longest = np.minimum(chain.lengths[:-1] / first, chain.lengths[1:] / second)
+    longest = np.minimum(lengths[:-1] / first, lengths[1:] / second)
     span = np.minimum(longest, np.maximum(first / accelerations[:-1], second / accelerations[1:]))
     onsets = np.minimum(first, span * accelerations[:-1])
-    rounded = 2.0 * np.sqrt(accelerations[:-1] * chain.tolerances[:-1] / np.where(half > 0.0, half, 1.0))
+    rounded = 2.0 * np.sqrt(accelerations[:-1] * tolerances[:-1] / np.where(half > 0.0, half, 1.0))
     bounded = half > math.cos(math.pi / 2.0 - 1e-3)
     onsets = np.where(bounded, np.minimum(onsets, rounded), onsets)
     # The cycle in which the speed falls below it is the first of the next block, half a cycle early on average; at the
     # peak of a block that never reaches its speed, the fall is seen half a cycle late, too.
     overlaps = onsets / accelerations[:-1]
-    spans = peaks / accelerations + np.maximum(chain.lengths / peaks, peaks / accelerations)
+    spans = peaks / accelerations + np.maximum(lengths / peaks, peaks / accelerations)
     room = np.maximum(spans - np.append(0.0, overlaps) - np.append(overlaps, 0.0), 0.0) / 2.0
     seen = (onsets < first * (1.0 - ROUNDING)) | (speeds[:-1] < triangles[:-1] * (1.0 - ROUNDING))
     early = np.where(seen, np.minimum(cycle / 2.0, np.minimum(room[:-1], room[1:])), 0.0)

@@ -161,9 +161,11 @@ class Trajectory(Frozen):
         return np.clip(1.0 - left, 0.0, 1.0)
 
     def progress(self, times: Floats) -> Floats:
-        """Return how many blocks (m,), parts of blocks included, are done at times (m,) in seconds."""
+        """Return how many blocks that take time (m,), parts included, are done at times (m,) in seconds."""
         blocks = np.minimum(np.searchsorted(self.times, times, side="left"), len(self) - 1)
-        done: Floats = blocks + self.fractions(blocks, times)
+        lasting = np.diff(self.times, prepend=0.0) > 0.0
+        before = np.append(0, np.cumsum(lasting))[blocks]
+        done: Floats = before + np.where(lasting[blocks], self.fractions(blocks, times), 0.0)
         return done
 
     def paces(self, blocks: Ints, times: Floats) -> Floats:

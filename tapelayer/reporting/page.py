@@ -231,7 +231,7 @@ def meanings(rows: Sequence[Row[Measured]], say: Say) -> list[Element]:
 
 
 def axes_table(axes: Sequence[AxisUse], report: dict[str, Any], say: Say) -> Element:
-    """Return the table of travel and top speed of every axis.
+    """Return the table of travel, top speed and top acceleration of every axis.
 
     Args:
         axes: in the order of the machine.
@@ -245,6 +245,7 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any], say: Say) -> Ele
     for axis in axes:
         use = report["axes"][axis.name]
         travel, speed, _ = axis.failures
+        stated = use["acceleration_limit"]
         rows.append(
             [
                 axis.name,
@@ -256,6 +257,8 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any], say: Say) -> Ele
                 shown(use["max_speed"], "", "z,.2f", absent),
                 plain(use["speed_limit"]),
                 range_bar(0.0, use["max_speed"], 0.0, use["speed_limit"], speed in failed),
+                shown(use["max_acceleration"], "", "z,.0f", absent),
+                say("none stated", "未给出") if stated is None else plain(stated),
             ]
         )
     headings = (
@@ -269,6 +272,8 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any], say: Say) -> Ele
         say("top speed /s", "最高速度 /s"),
         say("limit /s", "限值 /s"),
         say("speed drawn", "速度图"),
+        say("top acceleration /s²", "最高加速度 /s²"),
+        say("limit /s²", "限值 /s²"),
     )
     return table(headings, rows, class_="axes")
 

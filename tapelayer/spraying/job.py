@@ -63,6 +63,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
     model: Mesh
 
     SOURCE = "model"
+    PART = "pass"
 
     @staticmethod
     def read(path: Path | str, setup: SpraySetup, unit: Unit = "mm") -> SprayJob:

@@ -21,6 +21,7 @@ from tapelayer.reporting.page import (
     verdict,
 )
 from tapelayer.reporting.quantity import open_words
+from tapelayer.reporting.speed_plot import speed_plot
 from tapelayer.reporting.subject import subject_tables
 from tapelayer.reporting.words import ENGLISH, Say, Words
 from tapelayer.spraying.plan_view import coat_plots, plan_view
@@ -66,6 +67,7 @@ def html(
         not_judged: what no verdict covers.
         say: the language.
     """
+    samples = judged.samples
     limits, coat = judged.evidence.limits, judged.coat
     more = [(say("process", "工艺"), "; ".join(setup.process.notes()).removeprefix("process "))]
     heading = verdict(ROWS, report, limits, PASSES, open_words(ROWS, limits, not_judged), say)
@@ -93,6 +95,8 @@ def html(
         *listing(
             say("Slow places", "减速处"), slow, _slow, (*places, say("axis", "轴"), say("gun mm/s", "喷枪 mm/s")), say
         ),
+        element("h2", say("Gun speed", "喷枪速度")),
+        *speed_plot(samples.pieces, samples.arc_lengths, samples.times, samples.asked, judged.speed, say),
         element("h2", say("Axis positions and speeds", "各轴位置与速度")),
         *axis_plots(judged.evidence.axes, trajectory, say),
         *meanings(ROWS, say),

@@ -201,6 +201,12 @@ class Gun:
         away[:3] += min(self.setup.spray.retract_mm * MM, free) * axis
         return np.concatenate([np.clip(away[:3], self.lower, self.upper), away[3:]])
 
+    def stopped(self, blocks: PlannedBlocks) -> PlannedBlocks:
+        """Return the blocks of a pass, ending in a stop where a retraction would overlap their blended end too fast."""
+        if self.rule.ramp_share == 1.0:
+            return blocks
+        return replace(blocks, tolerances=np.append(blocks.tolerances[:-1], 0.0))
+
     def near(self, end: Floats, start: Floats) -> bool:
         """Return whether the gun may move from joint values `end` to `start` (5,) with the arc on."""
         distance = float(np.linalg.norm(start[:3] - end[:3]))
@@ -211,8 +217,8 @@ class Gun:
 
     def linked(self, end: Floats, start: Floats) -> PlannedBlocks:
         """Return blocks from the end of a pass straight to the start of the next, with the arc on."""
-        distance = float(np.linalg.norm(start[:3] - end[:3]))
-        steps = max(math.ceil(distance / (self.setup.spray.max_point_spacing_mm * MM) - 1e-9), 1)
+        turn = abs(float(start[3] - end[3]))
+        steps = max(math.ceil(turn / (self.setup.verification.max_theta_step_deg * DEG) - 1e-9), 1)
         return self.passed(end, np.linspace(end, start, steps + 1)[1:]).stating(0, _EVERY_AXIS)
 
     def approached(self, begin: Floats, start: Floats) -> PlannedBlocks:
@@ -238,6 +244,7 @@ class Gun:
         for before, piece in zip(pieces, pieces[1:], strict=False):
             end, start = before.joints[-1], piece.joints[0]
             left, approach = self.retracted(end), self.retracted(start)
+            parts[-1] = self.stopped(parts[-1])
             parts += [
                 switch_block(end, Event.ARC_OFF),
                 self.fed(end, left[None]),
@@ -270,11 +277,13 @@ def _trajectory(gun: Gun, sprayed: Sequence[SprayedPass]) -> Trajectory:
             parts.append((each.index, gun.linked(at, start)))
         else:
             if before is not None:
+                parts[-1] = (before.index, gun.stopped(parts[-1][1]))
                 parts.append((before.index, gun.left(at, layer_done)))
                 at = parts[-1][1].joints[-1]
             parts.append((each.index, gun.approached(at, start)))
         parts.append((each.index, gun.sprayed(each.pieces)))
         at = each.pieces[-1].joints[-1]
+    parts[-1] = (sprayed[-1].index, gun.stopped(parts[-1][1]))
     parts.append((sprayed[-1].index, gun.left(at, layer_done=False)))
     passes = np.repeat([index for index, _ in parts], [len(blocks) for _, blocks in parts])
     return PlannedBlocks.joined([blocks for _, blocks in parts]).trajectory(AXES, passes)

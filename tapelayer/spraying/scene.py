@@ -8,7 +8,7 @@ import numpy as np
 
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.jobs.kind import Scene, SceneTable
+from tapelayer.jobs.kind import Scene, SceneTable, point_table
 from tapelayer.spraying.coat import Coat, growth
 from tapelayer.spraying.evidence import SpraySamples
 from tapelayer.spraying.job import SprayResult
@@ -22,8 +22,9 @@ COAT_MOMENTS = 64
 def scene(result: SprayResult, mould: Mesh | None) -> Scene:
     """Return the scene of a result; the part is its own mould."""
     samples, coat = result.evidence.samples, result.judged.coat
-    numbers = np.array([one.path.number for one in result.job.pass_plan.passes])
-    tables = {"errors": error_table(samples, numbers)}
+    paths = [one.path for one in result.job.pass_plan.passes]
+    numbers = np.array([path.number for path in paths])
+    tables = {"errors": error_table(samples, numbers), "points": point_table("pass", paths)}
     if coat is not None:
         tables["coat"] = coat_table(coat, samples, result.job.setup)
     return Scene(numbers.tolist(), tables, {"part": result.job.mesh})

@@ -2,31 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Annotated, Any
+import os
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, BinaryIO
 
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.types import Receive, Scope, Send
 
 from tapelayer.jobs.kinds import NAMES, KindName
-from tapelayer.workbench.problems import Problem
-from tapelayer.workbench.store import State
+from tapelayer.workbench.record import State
 from tapelayer.workbench.uploads import Sort
 
 
 class JobFile(FileResponse):
-    """Response with a file of a job, which may be deleted before it is sent."""
+    """Response with an open file of a job, which may be deleted while it is sent.
+
+    Args:
+        file: from `Store.open`; closed when it is sent.
+        media_type: of its contents.
+        filename: that a browser saves it by.
+        headers: further ones.
+    """
+
+    def __init__(
+        self, file: BinaryIO, media_type: str, filename: str | None = None, headers: Mapping[str, str] | None = None
+    ) -> None:
+        self._file = file
+        path, about = f"/proc/self/fd/{file.fileno()}", os.fstat(file.fileno())
+        super().__init__(path, headers=headers, media_type=media_type, filename=filename, stat_result=about)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send the file."""
-        try:
+        with self._file:
             await super().__call__(scope, receive, send)
-        except RuntimeError:
-            if Path(self.path).exists():
-                raise
-            raise Problem("not-found", "this job has just been removed") from None
 
 
 class Fault(BaseModel):
@@ -80,16 +89,27 @@ class Sent(BaseModel):
     parts: list[str] = []
 
 
+Moment = Annotated[str, Field(json_schema_extra={"format": "date-time"})]
+
+
 class Job(BaseModel):
     """A job as it is."""
 
     id: Annotated[str, Field(pattern="^[0-9a-f]{32}$", description="whoever has it may read the job")]
     kind: KindName
     name: Annotated[str, Field(description="of the uploaded file")]
+    source_sha256: Annotated[str, Field(description="of the uploaded file's bytes; empty where it is not known")]
+    title: Annotated[str, Field(description="name that its owner gave it; may be empty")]
+    note: Annotated[str, Field(description="of its owner; may be empty")]
     state: State
     progress: Annotated[float, Field(ge=0, le=1)]
     stage: Annotated[str, Field(description="what is under way, or was when the job ended; empty before it began")]
-    created_at: Annotated[str, Field(json_schema_extra={"format": "date-time"})]
+    place: Annotated[int | None, Field(ge=1, description="in the queue; null where it does not wait")]
+    created_at: Moment
+    started_at: Annotated[Moment | None, Field(description="null until it runs")]
+    finished_at: Annotated[Moment | None, Field(description="null until it has ended")]
+    deleted_at: Annotated[Moment | None, Field(description="null unless it is deleted")]
+    run_s: Annotated[float | None, Field(description="from its start to its end; null where there is none")]
     summary: Annotated[Summary | None, Field(description="null where nothing was made")]
     error: Annotated[ProblemDetails | None, Field(description="null where there is none")]
     results: Annotated[list[str], Field(description="what there is below the job's address; empty until it ends")]
@@ -98,6 +118,15 @@ class Job(BaseModel):
     owner_key: Annotated[
         str, Field(description="only in the answer to a new job, and where the request named no owner; keep it")
     ] = ""
+
+
+class Description(BaseModel):
+    """What a job's owner says of it; what is left out stays as it is."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    title: Annotated[str | None, Field(max_length=200)] = None
+    note: Annotated[str | None, Field(max_length=2000)] = None
 
 
 class Jobs(BaseModel):
@@ -126,10 +155,10 @@ class Progress(BaseModel):
     stage: str
 
 
-def content(media_type: str, *headers: str) -> dict[int | str, dict[str, Any]]:
-    """Return OpenAPI's description of a route's 200 response: its media type and optional headers."""
+def content(*media_types: str, headers: Sequence[str] = ()) -> dict[int | str, dict[str, Any]]:
+    """Return OpenAPI's description of a route's 200 response: its media types and optional headers."""
     described = {name: {"schema": {"type": "string"}} for name in headers}
-    return {200: {"description": "", "content": {media_type: {}}, "headers": described}}
+    return {200: {"description": "", "content": {each: {} for each in media_types}, "headers": described}}
 
 
 def form(fields: Mapping[str, Sort], required: tuple[str, ...], described: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,15 +11,15 @@ from fastapi.responses import FileResponse, PlainTextResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from post import controllers
-from tapelayer.jobs.kind import BuiltIn
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, name_of_source
-from tapelayer.machines.machine import Axis, Machine
+from tapelayer.machines.machine import Axis
 from tapelayer.reporting.quantity import Group, Style, quantities
 from tapelayer.reporting.words import Words
 from tapelayer.setups.forms import Values, schema_of, text_of_values, values_of, whole_text_of_values
 from tapelayer.units import DEG, MM
 from tapelayer.workbench.answers import content
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
+from tapelayer.workbench.solving import built_in_machines, machine_of
 
 EXAMPLES = {
     "boss_panel_20.txt": "panel with a boss, courses at 20 degrees",
@@ -191,7 +190,7 @@ def list_examples() -> Examples:
 @router.get(
     "/examples/{name}",
     response_class=FileResponse,
-    responses=content("text/plain") | content("model/stl") | responses("not-found"),
+    responses=content(*sorted({kind.source.media_type for kind in kinds()})) | responses("not-found"),
 )
 def example(name: str) -> FileResponse:
     """Download a file to begin with."""
@@ -230,18 +229,6 @@ def format(wanted: SetupWanted) -> Response:
     if wanted.whole:
         return PlainTextResponse(whole_text_of_values(wanted.values, kind.setup, kind.title))
     return PlainTextResponse(text_of_values(wanted.values, kind.setup))
-
-
-@lru_cache
-def built_in_machines() -> dict[str, BuiltIn]:
-    """Return the built-in machines by name."""
-    return {kind.machine.name: kind.machine for kind in kinds()}
-
-
-@lru_cache
-def machine_of(name: str) -> Machine:
-    """Load the built-in machine of that name."""
-    return Machine.load(built_in_machines()[name].urdf)
 
 
 def _axis_told(axis: Axis) -> AxisTold:

@@ -20,7 +20,7 @@ from tapelayer.sentences import said
 EPILOG = (
     "Example: [bold]tapelayer serve --host 0.0.0.0 --token-file token --tls-cert cell.pem --tls-key cell.key[/bold]"
 )
-EXTRA = ("defusedxml", "fast_simplification", "fastapi", "python_multipart", "uvicorn")
+EXTRA = ("defusedxml", "fast_simplification", "fastapi", "h11", "python_multipart", "uvicorn")
 TOKEN_LENGTH = 16
 TOKEN_CHARACTERS = frozenset(string.ascii_letters + string.digits + "-._~+/=")
 OTHERS_MAY = 0o077

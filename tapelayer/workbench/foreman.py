@@ -13,27 +13,32 @@ import signal
 import sys
 from asyncio.subprocess import PIPE, Process
 from collections import deque
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
-from contextlib import asynccontextmanager, suppress
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Mapping
+from contextlib import AbstractAsyncContextManager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tapelayer.workbench.problems import Problem, internal
-from tapelayer.workbench.store import SERVER_STOPPED, Record, Store
+from tapelayer.workbench.record import Record
+from tapelayer.workbench.store import SERVER_STOPPED, Store
+from tapelayer.workbench.turns import Turns
 
 # The last line of a worker: {"state": "done" | "failed", "summary": {...} | None, "error": {...} | None}.
 Message = dict[str, Any]
 Hear = Callable[[str, float], None]
+Turn = AbstractAsyncContextManager[None]
 
 # -P keeps Python from importing modules from the server's current folder.
 COMMAND = (sys.executable, "-P", "-m", "tapelayer.workbench.worker")
 WARM_AFTER_SECONDS = 2.0  # so that starting workers does not slow down the page's first view
 RETRY_SECONDS = 10
-SWEEP_SECONDS = 3600.0
+SWEEP_SECONDS = 600.0
 STOP_SECONDS = 2.0
 LONGEST_LINE = 2**26
+# Processes for brief work, beside those of the jobs.
+BRIEF_WORKERS = 1
 
 log = logging.getLogger(__name__)
 
@@ -52,6 +57,7 @@ class Limits:
         job_seconds: longest run of a job.
         memory_bytes: most memory of a job's process.
         keep_days: days from the end of a job to its removal.
+        undo_seconds: seconds from the deletion of a job to its removal, in which it can be brought back.
     """
 
     workers: int = field(default_factory=_spare_cores)
@@ -59,6 +65,7 @@ class Limits:
     job_seconds: float = 1800.0
     memory_bytes: int = 8 * 2**30
     keep_days: float = 30.0
+    undo_seconds: float = 3600.0
 
 
 class Foreman:
@@ -74,7 +81,9 @@ class Foreman:
         self._store = store
         self._jobs: dict[str, _Run] = {}
         self._errands: set[asyncio.Task[Message]] = set()
-        self._turns = _Turns(limits.workers)
+        self._places: Mapping[str, int] = {}
+        self._turns = Turns(limits.workers, self._moved)
+        self._brief_turns = Turns(BRIEF_WORKERS, lambda: None)
         self._spares: deque[Process] = deque()
         self._chores: set[asyncio.Task[None]] = set()
         self._hiring: asyncio.Task[None] | None = None
@@ -119,14 +128,20 @@ class Foreman:
         self.check_room()
         self._take_on(record)
 
-    async def run(self, folder: Path, owner: str) -> Message:
+    async def run(self, folder: Path, owner: str, *, brief: bool = False) -> Message:
         """Run a request from a folder outside the store, when its turn comes, and return the worker's last message.
+
+        Args:
+            folder: of the request.
+            owner: whose turn it takes.
+            brief: it takes seconds, and does not wait for the jobs.
 
         Raises:
             Problem: as `check_room`, or the server was stopped meanwhile.
         """
         self.check_room()
-        task = asyncio.create_task(self._work(folder, owner, partial(asyncio.sleep, 0), lambda stage, progress: None))
+        turn = (self._brief_turns if brief else self._turns).of(owner, "")
+        task = asyncio.create_task(self._work(folder, turn, partial(asyncio.sleep, 0), lambda stage, progress: None))
         self._errands.add(task)
         task.add_done_callback(self._errands.discard)
         try:
@@ -147,7 +162,16 @@ class Foreman:
             run.work.cancel()
             # A full disk must not block the request that frees space.
             await asyncio.wait([run.ending], timeout=STOP_SECONDS)
-        return await asyncio.to_thread(self._store.get, job)
+        return await asyncio.to_thread(self._store.find, job)
+
+    def places(self) -> Mapping[str, int]:
+        """Return the place of each waiting job in the queue, from 1; programs that wait to be judged count too."""
+        return self._places
+
+    def describe(self, record: Record) -> None:
+        """Tell the watchers of a job that its title or its note has changed."""
+        if run := self._jobs.get(record.id):
+            run.tell(replace(run.record, title=record.title, note=record.note))
 
     async def watch(self, job: str) -> AsyncIterator[Record]:
         """Yield a job's record now and at every change, until the job has ended or the server stops.
@@ -170,9 +194,18 @@ class Foreman:
     def _take_on(self, record: Record) -> None:
         run = _Run(record)
         begin, hear = partial(self._begin, run), partial(self._advance, run)
-        run.work = asyncio.create_task(self._work(self._store.folder(record.id), record.owner, begin, hear))
+        turn = self._turns.of(record.owner, record.id)
+        run.work = asyncio.create_task(self._work(self._store.folder(record.id), turn, begin, hear))
         run.ending = asyncio.create_task(self._settle(run))
         self._jobs[record.id] = run
+
+    def _moved(self) -> None:
+        """Note the places in the queue, and tell the watchers of waiting jobs that it has moved."""
+        # Other threads read the places, so they are replaced and never changed.
+        self._places = {job: place for place, job in enumerate(self._turns.line(), 1) if job}
+        for run in self._jobs.values():
+            if run.record.state == "queued":
+                run.tell(run.record)
 
     async def _begin(self, run: _Run) -> None:
         run.tell(await asyncio.to_thread(self._store.begin, run.record.id))
@@ -219,9 +252,9 @@ class Foreman:
         log.error("reference %s", problem.evidence["reference"], exc_info=error)
         return _failed(problem)
 
-    async def _work(self, folder: Path, owner: str, begin: Callable[[], Awaitable[None]], hear: Hear) -> Message:
-        """Wait for the owner's turn, give the folder to a worker, and return the worker's last message."""
-        async with self._turns.of(owner):
+    async def _work(self, folder: Path, turn: Turn, begin: Callable[[], Awaitable[None]], hear: Hear) -> Message:
+        """Wait for the turn, give the folder to a worker, and return the worker's last message."""
+        async with turn:
             process = await self._hire()
             try:
                 await begin()
@@ -274,7 +307,7 @@ class Foreman:
         """Remove expired jobs every `SWEEP_SECONDS`."""
         while True:
             try:
-                await asyncio.to_thread(self._store.expire, self.limits.keep_days)
+                await asyncio.to_thread(self._store.expire, self.limits.keep_days, self.limits.undo_seconds)
             except Exception:
                 log.exception("expired jobs could not be removed")
             await asyncio.sleep(SWEEP_SECONDS)
@@ -318,54 +351,6 @@ class _Run:
     def _ring(self) -> None:
         self.bell.set()
         self.bell = asyncio.Event()
-
-
-class _Turns:
-    """A limited number of concurrent turns: round robin over the owners, first come, first served for each owner.
-
-    Args:
-        count: turns at the same time.
-    """
-
-    def __init__(self, count: int) -> None:
-        self._free = count
-        self._waiting: dict[str, deque[asyncio.Future[None]]] = {}
-
-    @asynccontextmanager
-    async def of(self, owner: str) -> AsyncIterator[None]:
-        """Wait for an owner's turn and hold it."""
-        await self._take(owner)
-        try:
-            yield
-        finally:
-            self._give_back()
-
-    async def _take(self, owner: str) -> None:
-        if self._free:
-            self._free -= 1
-            return
-        turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self._waiting.setdefault(owner, deque()).append(turn)
-        try:
-            await turn
-        except asyncio.CancelledError:
-            # The turn was granted before the cancellation arrived: pass it on.
-            if not turn.cancelled():
-                self._give_back()
-            raise
-
-    def _give_back(self) -> None:
-        """Hand the turn to the next owner, who then moves to the end of the line."""
-        while self._waiting:
-            owner = next(iter(self._waiting))
-            queue = self._waiting.pop(owner)
-            turn = queue.popleft()
-            if queue:
-                self._waiting[owner] = queue
-            if not turn.cancelled():
-                turn.set_result(None)
-                return
-        self._free += 1
 
 
 async def _spawn() -> Process:

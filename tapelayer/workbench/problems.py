@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,9 @@ from tapelayer.verification.failures import Findings
 MEDIA_TYPE = "application/problem+json"
 # A job's state is sent and stored often, so a problem lists only the first places; the report lists all.
 SHOWN_PLACES = 100
+SHOWN_FAULTS = 20
+# What the places of a validation error begin with, by the part of the request.
+PARTS = ("body", "query", "path", "header", "cookie")
 
 
 @dataclass(frozen=True)
@@ -245,6 +248,27 @@ def internal() -> Problem:
     return Problem("internal", sentence, reference=reference)
 
 
+def not_valid(errors: Sequence[Mapping[str, Any]]) -> Problem:
+    """Return the problem for what does not fit a model, from the errors of its validation."""
+    sentences = [f"{_place(error['loc'])}: {error['msg']}" for error in errors]
+    faults = [
+        {"line": 0, "column": 0, "sentence": sentence, "translations": translations(sentence)}
+        for sentence in sentences[:SHOWN_FAULTS]
+    ]
+    detail = "\n".join(sentences[:SHOWN_FAULTS])
+    return Problem("invalid-request", detail, faults=faults, fault_count=len(sentences))
+
+
+# Members of a problem that it makes itself.
+REBUILT = ("type", "title", "status", "detail", "translations", "code")
+
+
+def problem_of_body(body: Mapping[str, Any]) -> Problem:
+    """Return the problem that has this body, as a worker tells it."""
+    evidence = {key: value for key, value in body.items() if key not in REBUILT}
+    return Problem(body["code"], body["detail"], **evidence)
+
+
 def responses(*codes: str) -> dict[int | str, dict[str, Any]]:
     """Return OpenAPI's descriptions of these problems as responses of a route, by status."""
     schema = {"$ref": "#/components/schemas/ProblemDetails"}
@@ -276,6 +300,12 @@ def of_error(error: TapelayerError) -> dict[str, Any]:
 def code_of(error: type[TapelayerError]) -> str:
     """Return the code of a class of errors: its name in lower case with hyphens."""
     return re.sub(r"(?<!^)(?=[A-Z])", "-", error.__name__).lower()
+
+
+def _place(location: Sequence[str | int]) -> str:
+    """Return a location in a request as text, as in values[3][0]."""
+    parts = location[1:] if location[0] in PARTS and location[1:] else location
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
 
 
 def _fault(fault: InputFault) -> dict[str, Any]:

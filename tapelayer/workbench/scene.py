@@ -16,8 +16,10 @@ from tapelayer.machines.machine import Machine
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.units import DEG, MM
 
-# Circular blocks are divided into chords that deviate from the arc by at most this, metres.
-ARC_TOLERANCE = 0.05e-3
+# Between two rows an axis goes straight and at an even speed, which deviates from its motion by at most this; m or rad.
+TOLERANCE = 0.05e-3
+# Rows within a block are at least so many seconds apart, and from its ends.
+LEAST_SPAN = 1e-4
 MOST_TRIANGLES = 4000
 
 # Kind of the row before the first block, numbered after those of `Kind`.
@@ -49,7 +51,7 @@ def files(scene: Scene, trajectory: Trajectory, machine: Machine) -> dict[str, b
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryRows:
-    """A trajectory as rows: the start, then the end of every block, with circular blocks split into parts.
+    """A trajectory as rows: the start, then the end of every block, split where it turns or where its speed changes.
 
     Attributes:
         trajectory: the blocks.
@@ -72,12 +74,9 @@ class TrajectoryRows:
     @classmethod
     def of(cls, trajectory: Trajectory, machine: Machine) -> TrajectoryRows:
         """Build the rows of a trajectory."""
-        counts = _parts(trajectory)
-        block = np.repeat(np.arange(len(counts)), counts)
-        step = np.arange(len(block)) - (np.cumsum(counts) - counts)[block] + 1
-        shares = step / counts[block]
+        block, shares = _places(trajectory)
         positions = np.vstack([trajectory.start, trajectory.positions[block]])
-        between = np.flatnonzero(step < counts[block])
+        between = np.flatnonzero(shares < 1.0)
         if len(between):
             positions[between + 1] = trajectory.within(block[between], shares[between])
         times = trajectory.moments(block, shares)
@@ -108,7 +107,7 @@ class TrajectoryRows:
         return SceneTable(tuple(f"{name}_per_s" for name in self.names), np.vstack([before, speeds]) * self.scales)
 
     def blocks(self, numbers: Ints) -> dict[str, Any]:
-        """Return the line, course, kind and event of each row.
+        """Return the block, line, course, kind and event of each row; blocks count from 1, and 0 is the start.
 
         Args:
             numbers: number of each course or pass, by its index.
@@ -118,6 +117,7 @@ class TrajectoryRows:
         courses = np.where(known, numbers[np.where(known, index, 0)], 0)
         return {
             "rows": len(self.times),
+            "blocks": [0, *(self.block + 1).tolist()],
             "lines": [0, *trajectory.lines[self.block].tolist()],
             "courses": [0, *courses.tolist()],
             "kinds": [START, *trajectory.kinds[self.block].tolist()],
@@ -127,8 +127,47 @@ class TrajectoryRows:
         }
 
 
+def _places(trajectory: Trajectory) -> tuple[Ints, Floats]:
+    """Return the block (m,) of every row but the first, and how far along it the row is, from 0 to 1, in order."""
+    counts = _parts(trajectory)
+    block = np.repeat(np.arange(len(counts)), counts)
+    shares = (np.arange(len(block)) - (np.cumsum(counts) - counts)[block] + 1) / counts[block]
+    changing, fractions = _changes(trajectory)
+    block, shares = np.append(block, changing), np.append(shares, fractions)
+    order = np.lexsort((shares, block))
+    return block[order], shares[order]
+
+
+def _changes(trajectory: Trajectory) -> tuple[Ints, Floats]:
+    """Return blocks (m,), and how far along them rows have to be because the control speeds up or brakes there."""
+    clock = trajectory.clock
+    if clock is None or not len(clock.moments):
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
+    moved = np.max(np.abs(np.nan_to_num(trajectory.positions - trajectory.begins(np.arange(len(trajectory))))), axis=1)
+    lengths = np.diff(clock.reached)
+    spans = np.maximum(np.diff(clock.moments), 0.0)
+    block = np.minimum(np.searchsorted(trajectory.times, clock.moments[:-1] + spans / 2.0), len(trajectory) - 1)
+    ratios = np.divide(moved, lengths, out=np.zeros(len(moved)), where=lengths > 0.0)[block]
+    # Over seconds h of an even acceleration a, the way deviates from that at an even speed by at most a h^2 / 8.
+    bend = np.abs(np.diff(clock.speeds)) * spans * ratios
+    counts = np.maximum(np.ceil(np.sqrt(bend / (8.0 * TOLERANCE))), 1.0).astype(np.int64)
+    index = np.repeat(np.arange(len(counts)), counts)
+    step = np.arange(len(index)) - (np.cumsum(counts) - counts)[index]
+    times = clock.moments[index] + spans[index] * step / counts[index]
+    block = np.minimum(np.searchsorted(trajectory.times, times), len(trajectory) - 1)
+    fractions = trajectory.fractions(block, times)
+    ends, durations = trajectory.times[block], trajectory.durations[block]
+    even = 1.0 - (ends - times) / np.maximum(durations, LEAST_SPAN)
+    worst = np.zeros(len(trajectory))
+    np.maximum.at(worst, block, np.abs(fractions - even) * moved[block])
+    before = np.maximum(np.append(0.0, times[:-1]), ends - durations)
+    apart = (times - before > LEAST_SPAN) & (ends - times > LEAST_SPAN)
+    kept = apart & (worst[block] > TOLERANCE) & (fractions > 0.0) & (fractions < 1.0)
+    return block[kept], fractions[kept]
+
+
 def _parts(trajectory: Trajectory) -> Ints:
-    """Return the number (n,) of parts into which each block is divided."""
+    """Return the number (n,) of parts into which each block is divided as it turns."""
     counts = np.ones(len(trajectory), dtype=np.int64)
     circular = np.flatnonzero(np.isin(trajectory.kinds, (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)))
     if len(circular):
@@ -136,7 +175,7 @@ def _parts(trajectory: Trajectory) -> Ints:
         # A chord over a share h of the block deviates by at most h^2 / 8 times the largest second derivative.
         bend = np.max(arcs.radii, axis=0) * arcs.sweeps**2 + 2.0 * np.abs(np.diff(arcs.radii, axis=0)[0] * arcs.sweeps)
         # Before an axis is first stated, the circle is undefined (NaN).
-        counts[circular] = np.maximum(np.ceil(np.sqrt(np.nan_to_num(bend) / (8.0 * ARC_TOLERANCE))), 1.0)
+        counts[circular] = np.maximum(np.ceil(np.sqrt(np.nan_to_num(bend) / (8.0 * TOLERANCE))), 1.0)
     return counts
 
 

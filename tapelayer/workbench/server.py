@@ -15,7 +15,7 @@ import ssl
 import sys
 import threading
 import webbrowser
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -31,6 +31,7 @@ from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, Field
 from rich.console import Console
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -50,19 +51,19 @@ from tapelayer.workbench.access import (
     cookie,
     problem_response,
 )
+from tapelayer.workbench.connections import Connection
 from tapelayer.workbench.foreman import Foreman, Limits
-from tapelayer.workbench.problems import CODES, EVERYWHERE, Problem, problem_of, responses, translations
+from tapelayer.workbench.problems import CODES, EVERYWHERE, Problem, not_valid, problem_of, responses
 from tapelayer.workbench.store import Store
 
 STATIC = Path(__file__).parent / "static"
 HEALTH = "/healthz"
 EVERY_ADDRESS = ("0.0.0.0", "::")
 # Each of these modules has a `router`; importing them imports the library.
-ROOMS = ("api", "catalogue", "kinematics")
+ROOMS = ("api", "results", "catalogue", "kinematics")
 # After SIGTERM, answers under way may take GRACE_SECONDS; after END_SECONDS the process exits in any case.
 GRACE_SECONDS = 2
 END_SECONDS = 4.5
-SHOWN_FAULTS = 20
 
 DOCS_PAGE = """<!doctype html>
 <html lang="en">
@@ -225,6 +226,7 @@ def answer_problems(app: FastAPI) -> None:
     app.add_exception_handler(TapelayerError, _refused)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(ClientDisconnect, _gone)
 
 
 async def health() -> Health:
@@ -287,24 +289,30 @@ def serve(settings: Settings, port: int, open_page: bool) -> None:
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))
     try:
         app = create_app(settings)
-        certificate, key = settings.certificate or (None, None)
-        config = uvicorn.Config(
-            app,
-            ssl_certfile=certificate,
-            ssl_keyfile=key,
-            ws="none",
-            log_config=None,
-            access_log=False,
-            server_header=False,
-            proxy_headers=False,
-            timeout_graceful_shutdown=GRACE_SECONDS,
-        )
+        config = configuration(app, settings.certificate)
         server = _Server(config, app.state.foreman, _address(settings, listening), open_page)
         server.run([listening])
     except KeyboardInterrupt:
         sys.exit(0)
     finally:
         listening.close()
+
+
+def configuration(app: FastAPI, certificate: tuple[Path, Path] | None) -> uvicorn.Config:
+    """Return uvicorn's configuration to serve the application, by TLS where there is a certificate."""
+    file, key = certificate or (None, None)
+    return uvicorn.Config(
+        app,
+        http=Connection,
+        ssl_certfile=file,
+        ssl_keyfile=key,
+        ws="none",
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        timeout_graceful_shutdown=GRACE_SECONDS,
+    )
 
 
 class _Server(uvicorn.Server):
@@ -360,13 +368,7 @@ async def _refused(request: Request, error: Exception) -> Response:
 
 async def _invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    sentences = [f"{_place(fault['loc'])}: {fault['msg']}" for fault in error.errors()]
-    faults = [
-        {"line": 0, "column": 0, "sentence": sentence, "translations": translations(sentence)}
-        for sentence in sentences[:SHOWN_FAULTS]
-    ]
-    detail = "\n".join(sentences[:SHOWN_FAULTS])
-    return problem_response(Problem("invalid-request", detail, faults=faults, fault_count=len(sentences)))
+    return problem_response(not_valid(error.errors()))
 
 
 async def _http(request: Request, error: Exception) -> Response:
@@ -385,10 +387,8 @@ async def _http(request: Request, error: Exception) -> Response:
     return problem_response(Problem("invalid-request", f"{request_line}: {error.detail}"))
 
 
-def _place(location: Sequence[str | int]) -> str:
-    """Return a location in a request as text, as in values[3][0]."""
-    parts = location[1:] if location[0] in ("body", "query", "path", "header", "cookie") and location[1:] else location
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
+async def _gone(request: Request, error: Exception) -> Response:
+    return problem_response(Problem("invalid-request", "the body ended before its announced end"))
 
 
 def _listening(host: str, port: int) -> socket.socket:

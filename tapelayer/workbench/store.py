@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import hashlib
 import json
 import os
 import secrets
@@ -21,82 +22,23 @@ import sqlite3
 import threading
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from datetime import UTC, datetime, timedelta
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from tapelayer.atomic_files import write_files
 from tapelayer.errors import WorkDirectoryRefused
 from tapelayer.language import Language
+from tapelayer.workbench.own_files import open_own
 from tapelayer.workbench.problems import Problem
+from tapelayer.workbench.record import ADDED, COLUMNS, SCHEMA, TABLE, Ending, Record
 
 # File of the report's page by its language.
 PAGES: dict[Language, str] = {"en": "report.html", "zh": "report.zh.html"}
 
-State = Literal["queued", "running", "done", "failed", "cancelled"]
-Ending = Literal["done", "failed", "cancelled"]
-
 SERVER_STOPPED = "the server was stopped while this job ran; submit it again"
-SCHEMA = 1
-TABLE = """
-CREATE TABLE jobs (
-    number INTEGER PRIMARY KEY AUTOINCREMENT,
-    id TEXT NOT NULL UNIQUE,
-    owner TEXT NOT NULL,
-    kind TEXT NOT NULL,
-    name TEXT NOT NULL,
-    state TEXT NOT NULL CHECK (state IN ('queued', 'running', 'done', 'failed', 'cancelled')),
-    stage TEXT NOT NULL,
-    progress REAL NOT NULL,
-    created_at TEXT NOT NULL,
-    finished_at TEXT,
-    request TEXT NOT NULL,
-    summary TEXT,
-    error TEXT
-) STRICT
-"""
-
-
-@dataclass(frozen=True)
-class Record:
-    """A job as recorded in the index.
-
-    Attributes:
-        id: 32 hexadecimal digits, 128 random bits.
-        owner: hash of the owner's key.
-        kind: lay or spray.
-        name: of the uploaded file, for people.
-        state: current state.
-        stage: current stage, or the last one if the job has ended; empty before it starts.
-        progress: 0 to 1.
-        created_at: RFC 3339, UTC.
-        finished_at: likewise; None until the job has ended.
-        request: the submitted request, as in request.json.
-        summary: of the results; None if there are none.
-        error: problem details; None if there is no error.
-    """
-
-    id: str
-    owner: str
-    kind: str
-    name: str
-    state: State
-    stage: str
-    progress: float
-    created_at: str
-    finished_at: str | None
-    request: dict[str, Any]
-    summary: dict[str, Any] | None
-    error: dict[str, Any] | None
-
-    @property
-    def ended(self) -> bool:
-        """Whether the state is final."""
-        return self.state not in ("queued", "running")
-
-
-COLUMNS = ", ".join(field.name for field in fields(Record))
 
 
 class Store:
@@ -164,7 +106,12 @@ class Store:
             stage="",
             progress=0.0,
             created_at=_now(),
+            started_at=None,
             finished_at=None,
+            deleted_at=None,
+            source_sha256=_digest((staged / "source").open("rb")),
+            title="",
+            note="",
             request=dict(request),
             summary=None,
             error=None,
@@ -174,11 +121,12 @@ class Store:
         _flush(staged, *staged.rglob("*"))
         staged.rename(self.folder(record.id))
         _flush(self._jobs)
-        values = (record.id, owner, record.kind, record.name, record.state, "", 0.0, record.created_at, _text(request))
+        begun = (record.id, owner, record.kind, record.name, record.state, "", 0.0, record.created_at)
+        values = (*begun, record.source_sha256, _text(request))
         with self._change() as index:
             index.execute(
-                "INSERT INTO jobs (id, owner, kind, name, state, stage, progress, created_at, request)"
-                " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT INTO jobs (id, owner, kind, name, state, stage, progress, created_at, source_sha256, request)"
+                " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 values,
             )
         return record
@@ -187,8 +135,45 @@ class Store:
         """Return the folder of a job's files."""
         return self._jobs / job
 
+    def open(self, job: str, *place: str) -> BufferedReader:
+        """Open a file of a job for reading.
+
+        Raises:
+            Problem: as `open_own`.
+        """
+        return open_own(self._jobs, job, *place)
+
+    def read(self, job: str, *place: str) -> bytes:
+        """Return the contents of a file of a job.
+
+        Raises:
+            Problem: as `open_own`.
+        """
+        with self.open(job, *place) as file:
+            return file.read()
+
+    def holds(self, job: str, *place: str) -> bool:
+        """Return whether a job has a file."""
+        try:
+            self.open(job, *place).close()
+        except Problem:
+            return False
+        return True
+
     def get(self, job: str) -> Record:
         """Return a job by its id.
+
+        Raises:
+            Problem: there is no such job, or it is deleted.
+        """
+        record = self.find(job)
+        if record.deleted_at:
+            undo = "its owner can bring it back for a while"
+            raise Problem("not-found", f"job {job} was deleted at {record.deleted_at}; {undo}")
+        return record
+
+    def find(self, job: str) -> Record:
+        """Return a job by its id, also one that is deleted and can be brought back.
 
         Raises:
             Problem: there is no such job.
@@ -198,9 +183,39 @@ class Store:
             raise Problem("not-found", f"there is no job {job[:40]}; it may have expired or been removed")
         return records[0]
 
-    def of_owner(self, owner: str) -> list[Record]:
-        """Return an owner's jobs, newest first."""
-        return self._select("WHERE owner = ? ORDER BY number DESC", owner)
+    def of_owner(self, owner: str, deleted: bool = False) -> list[Record]:
+        """Return an owner's jobs, newest first: those that are there, or those that are deleted."""
+        return self._select(f"WHERE owner = ? AND deleted_at IS {'NOT ' * deleted}NULL ORDER BY number DESC", owner)
+
+    def describe(self, job: str, title: str, note: str) -> Record:
+        """Record the title and the note that a job's owner gave it.
+
+        Raises:
+            Problem: there is no such job, or the disk is full.
+        """
+        with self._change() as index:
+            index.execute("UPDATE jobs SET title = ?, note = ? WHERE id = ?", (title, note, job))
+        return self.get(job)
+
+    def hide(self, job: str) -> None:
+        """Record that a job is deleted; it stays until `expire`, and `restore` brings it back.
+
+        Raises:
+            Problem: there is no such job, or the disk is full.
+        """
+        self.get(job)
+        with self._change() as index:
+            index.execute("UPDATE jobs SET deleted_at = ? WHERE id = ?", (_now(), job))
+
+    def restore(self, job: str) -> Record:
+        """Bring a deleted job back; one that is not deleted stays as it is.
+
+        Raises:
+            Problem: there is no such job, or the disk is full.
+        """
+        with self._change() as index:
+            index.execute("UPDATE jobs SET deleted_at = NULL WHERE id = ?", (job,))
+        return self.get(job)
 
     def begin(self, job: str) -> Record:
         """Mark a queued job as running; a job that has ended meanwhile stays as it is.
@@ -209,8 +224,9 @@ class Store:
             Problem: there is no such job, or the disk is full.
         """
         with self._change() as index:
-            index.execute("UPDATE jobs SET state = 'running' WHERE id = ? AND state = 'queued'", (job,))
-            return self.get(job)
+            begun = "UPDATE jobs SET state = 'running', started_at = ? WHERE id = ? AND state = 'queued'"
+            index.execute(begun, (_now(), job))
+            return self.find(job)
 
     def advance(self, job: str, stage: str, progress: float) -> None:
         """Record the progress of a running job, in memory only."""
@@ -233,24 +249,25 @@ class Store:
             )
         with self._guard:
             self._steps.pop(job, None)
-            return self.get(job)
+            return self.find(job)
 
     def delete(self, job: str) -> None:
-        """Remove a job that is not running, with its files.
+        """Remove a job that is not running for good, with its files.
 
         Raises:
             Problem: there is no such job, or the disk is full.
         """
-        self._remove([self.get(job).id])
+        self._remove([self.find(job).id])
 
-    def expire(self, keep_days: float) -> int:
-        """Remove the jobs that ended more than `keep_days` ago, and return how many there were.
+    def expire(self, keep_days: float, undo_seconds: float) -> int:
+        """Remove the jobs that ended so many days, or were deleted so many seconds ago; return how many there were.
 
         Raises:
             Problem: the disk is full.
         """
-        oldest = _stamp(datetime.now(UTC) - timedelta(days=keep_days))
-        old = [record.id for record in self._select("WHERE finished_at < ?", oldest)]
+        now = datetime.now(UTC)
+        ended, deleted = _stamp(now - timedelta(days=keep_days)), _stamp(now - timedelta(seconds=undo_seconds))
+        old = [record.id for record in self._select("WHERE finished_at < ? OR deleted_at < ?", ended, deleted)]
         self._remove(old)
         return len(old)
 
@@ -268,7 +285,15 @@ class Store:
             for parent in (self._staging, self._trash):
                 for left in parent.iterdir():
                     shutil.rmtree(left, ignore_errors=True)
-            return self._select("WHERE state = 'queued' ORDER BY number")
+            self._fill_digests()
+            return self._select("WHERE state = 'queued' AND deleted_at IS NULL ORDER BY number")
+
+    def _fill_digests(self) -> None:
+        """Record the hash of the file of each job that was made before hashes were recorded."""
+        old = [record.id for record in self._select("WHERE source_sha256 = ''")]
+        digests = [(_digest(self.open(job, "source")), job) for job in old if self.holds(job, "source")]
+        with self._change() as index:
+            index.executemany("UPDATE jobs SET source_sha256 = ? WHERE id = ?", digests)
 
     def _remove(self, jobs: Collection[str]) -> None:
         """Remove files, then rows, so that on a full disk the files free the space that the index needs.
@@ -327,10 +352,12 @@ class Store:
             index.execute("PRAGMA journal_mode = WAL")
             index.execute("PRAGMA synchronous = FULL")
             schema = index.execute("PRAGMA user_version").fetchone()[0]
-            if schema not in (0, SCHEMA):
-                raise self._refused(f"its index has schema {schema}, this version reads {SCHEMA}")
-            if schema == 0:
-                index.executescript(f"BEGIN; {TABLE}; PRAGMA user_version = {SCHEMA}; COMMIT;")
+            if schema > SCHEMA:
+                raise self._refused(f"its index has schema {schema}, this version reads up to {SCHEMA}")
+            steps = [TABLE] if schema == 0 else []
+            steps += [added for number, added in ADDED.items() if number > schema]
+            if steps:
+                index.executescript(f"BEGIN; {'; '.join(steps)}; PRAGMA user_version = {SCHEMA}; COMMIT;")
         except sqlite3.Error as error:
             index.close()
             raise self._refused(f"its index.sqlite: {error}") from None
@@ -352,6 +379,12 @@ def write_request(folder: Path, request: Mapping[str, Any]) -> None:
         TargetNotWritable: the disk is full.
     """
     write_files({folder / "request.json": json.dumps(request, ensure_ascii=False).encode()})
+
+
+def _digest(file: BufferedReader) -> str:
+    """Return the SHA-256 of a file, and close it."""
+    with file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _flush(*paths: Path) -> None:

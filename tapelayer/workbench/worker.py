@@ -21,7 +21,7 @@ import traceback
 from collections.abc import Callable, Mapping
 from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from tapelayer.atomic_files import write_files
 from tapelayer.errors import TapelayerError
@@ -31,15 +31,20 @@ from tapelayer.jobs.kind import JobKind
 from tapelayer.jobs.kinds import kind_of, kinds
 from tapelayer.jobs.stages import READING, SAVING, Weights
 from tapelayer.language import LANGUAGES
+from tapelayer.motion.trajectory import Trajectory
 from tapelayer.provenance import moment
 from tapelayer.reporting.subject import Occasion
 from tapelayer.setups.sections import parse_setup
 from tapelayer.workbench import problems, scene
 from tapelayer.workbench.problems import Problem
+from tapelayer.workbench.solving import Way, solve
 from tapelayer.workbench.store import PAGES
 
 Say = Callable[[Mapping[str, Any]], None]
 
+# What stands before the lines of a program that failed.
+WATERMARK = "FAILED: withheld, not to be run"
+WITHHELD = "withheld.json"
 LINE_SECONDS = 0.05  # shortest time between two lines about the same stage
 
 
@@ -84,8 +89,12 @@ def carry_out(folder: Path, say: Say) -> dict[str, Any]:
 
     Raises:
         TapelayerError: the job cannot be done.
+        Problem: its rows cannot be solved.
     """
     request = json.loads((folder / "request.json").read_bytes())
+    if request["kind"] in get_args(Way):
+        (folder / "answer.json").write_bytes(solve(request["kind"], (folder / "rows.json").read_bytes()))
+        return {"state": "done", "summary": None, "error": None}
     verifying = request["kind"] == "verify"
     kind = kind_of(request["of"] if verifying else request["kind"])
     stages = Stages(say, kind.judging if verifying else kind.making)
@@ -109,7 +118,10 @@ def carry_out(folder: Path, say: Say) -> dict[str, Any]:
     contents = {"report.json": result.report_file(occasion)}
     contents |= {PAGES[language]: result.page_file(occasion, language) for language in LANGUAGES}
     if not verifying:
-        drawn = scene.files(kind.scene(result, on), result.trajectory, job.machine)
+        lines, trajectory = _withheld(job, result, name) if result.failure else ((), result.trajectory)
+        if lines:
+            contents[WITHHELD] = json.dumps({"withheld": WATERMARK, "lines": lines}).encode()
+        drawn = scene.files(kind.scene(result, on), trajectory, job.machine)
         contents |= drawn | _results(folder, job, result)
     _save(folder / "out", contents)
     summary = _summary(kind, job, result, report)
@@ -125,6 +137,8 @@ def answer(folder: Path, say: Say) -> dict[str, Any]:
         return carry_out(folder, say)
     except TapelayerError as error:
         return _failed(problems.of_error(error), None)
+    except Problem as refusal:
+        return _failed(refusal.body(), None)
     except MemoryError:
         # The frames of the error hold the memory; leaving this block releases it before the message is built.
         pass
@@ -163,6 +177,14 @@ def _results(folder: Path, job: MachineJob[Any, Any], result: JobResult[Any]) ->
     if not result.failure:
         contents["program.nc"] = result.text
     return contents
+
+
+def _withheld(job: MachineJob[Any, Any], result: JobResult[Any], name: str) -> tuple[tuple[str, ...], Trajectory]:
+    """Return the lines of a program that failed, and its motion; no lines where the control has no words for it."""
+    try:
+        return job.withheld(result, name)
+    except TapelayerError:
+        return (), result.trajectory
 
 
 def _save(folder: Path, contents: Mapping[str, bytes]) -> None:

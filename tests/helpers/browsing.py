@@ -215,3 +215,48 @@ class Person:
         """Keep what the page looks like."""
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)
         self.page.screenshot(path=SCREENSHOTS / f"{name}.png")
+
+
+class Camera:
+    """What the view shows where, once it is at rest."""
+
+    def __init__(self, person: Person) -> None:
+        self.person = person
+        self.still()
+
+    def still(self) -> None:
+        """Wait until all is drawn in full detail, and no more follows."""
+        scene, drawn = self.person["scene"], ""
+        while drawn != (drawn := scene.get_attribute("data-frames")):
+            self.person.page.wait_for_timeout(300)
+            api.expect(scene).to_have_attribute("data-resting", "true")
+
+    def matrix(self) -> Floats:
+        """Matrix (4, 4) from metres in `machine` to the view's own coordinates."""
+        told: str = self.person["scene"].get_attribute("data-camera")
+        return np.array(told.split(), float).reshape(4, 4).T
+
+    def pixel(self, place: Floats) -> tuple[float, float]:
+        """Where a place (3,) in metres in `machine` is seen on the page."""
+        x, y, _, w = self.matrix() @ np.append(place, 1.0)
+        box = self.person["scene"].bounding_box()
+        return box["x"] + (1 + x / w) / 2 * box["width"], box["y"] + (1 - y / w) / 2 * box["height"]
+
+    def pixel_size(self, place: Floats, way: Floats) -> float:
+        """Millimetres in a way (3,) that a pixel covers at a place."""
+        step = np.subtract(self.pixel(place + 1e-3 * way), self.pixel(place))
+        return 1.0 / float(np.hypot(*step))
+
+    def approach(self, place: Floats) -> None:
+        """Zoom in on a place."""
+        self.person.page.mouse.move(*self.pixel(place))
+        for _ in range(30):
+            self.person.page.mouse.wheel(0, -200)
+        self.still()
+
+    def point_at(self, place: Floats) -> None:
+        """Point at a place."""
+        x, y = self.pixel(place)
+        self.person.page.mouse.move(x - 3, y)
+        self.person.page.mouse.move(x, y)
+        self.person.page.wait_for_timeout(400)

@@ -18,9 +18,9 @@ LIMITS = Limits(
     acceleration=np.array([1.5, 1.5, 1.0, 1000 * DEG, 3.0, 5.0]),
     jerk=np.full(6, np.inf),
 )
-LINUXCNC = Rule("linuxcnc", PATHS, frozenset({3}), drain=6e-3)
-LOOK_AHEAD = Rule("look_ahead", PATHS, frozenset({3}), tolerance=0.02 * MM)
-STOP = Rule("stop", PATHS, frozenset({3}))
+LINUXCNC = Rule("linuxcnc", PATHS, rotary=frozenset({3}), drain=6e-3)
+LOOK_AHEAD = Rule("look_ahead", PATHS, rotary=frozenset({3}), tolerance=0.02 * MM)
+STOP = Rule("stop", PATHS, rotary=frozenset({3}))
 RULES = (STOP, LINUXCNC, LOOK_AHEAD)
 
 

@@ -19,6 +19,8 @@ from tapelayer.units import DEG, MM
 AXES = "XYZCAUVDQE"
 DEGREES = "CADE"
 KNIFE_PITCH = 0.1
+# End of the travel of both slides, to the last written digit.
+SLIDE = 0.2 + 1e-6
 WORD = re.compile(r"([A-Z])([-+.\d]+)")
 # Word on, word off, slide, blade and station behind knife 1.
 KNIVES = {"M22": ("M23", "V", "D", 0.0), "M32": ("M33", "Q", "E", KNIFE_PITCH)}
@@ -152,7 +154,12 @@ def _off(sweep: Sweep, station: float, cot: float) -> float:
 
 
 def _spans(sweep: Sweep, reach: float) -> bool:
-    """Whether a sweep goes from one side of the tape straight to the other, clearances included."""
+    """Whether a sweep goes from one side of the tape straight to the other, clearances included.
+
+    Where the tape goes on, both ways are longer by the same run-up, within the slide's travel.
+    """
     across = [w for _, w, _ in sweep.places]
     ends = sorted([across[0], across[-1]])
-    return ends == [min(across), max(across)] and max(abs(ends[0] + reach), abs(ends[1] - reach)) < 0.02 * MM
+    even = ends == [min(across), max(across)] and abs(ends[0] + ends[1]) < 0.04 * MM
+    passing = abs(sweep.places[-1][0] - sweep.places[0][0]) > 0.0
+    return even and reach - 0.02 * MM < ends[1] < (SLIDE if passing else reach + 0.02 * MM)

@@ -9,26 +9,38 @@ import numpy as np
 from tapelayer.motion.trajectory import Kind, Trajectory
 
 Rows = np.ndarray | slice | list[int] | int
-COLUMNS = ("positions", "kinds", "durations", "events", "courses", "stated", "lines")
+COLUMNS = ("positions", "kinds", "durations", "events", "courses", "stated", "lines", "tolerances")
+
+
+def untimed(trajectory: Trajectory) -> Trajectory:
+    """The trajectory with the seconds that its words ask for, as before the time law: what is changed has no clock."""
+    return replace(trajectory, durations=trajectory.requested, asked=None, clock=None)
+
+
+def reordered(trajectory: Trajectory, order: np.ndarray) -> Trajectory:
+    """The trajectory with its blocks in another order."""
+    return replace(untimed(trajectory), **{name: getattr(untimed(trajectory), name)[order] for name in COLUMNS})
 
 
 def moved(trajectory: Trajectory, rows: Rows, axis: str, by: float) -> Trajectory:
     """The trajectory with an axis off by a distance (m or rad) at some blocks."""
     positions = trajectory.positions.copy()
     positions[rows, trajectory.column(axis)] += by
-    return replace(trajectory, positions=positions)
+    return replace(untimed(trajectory), positions=positions)
 
 
 def without(trajectory: Trajectory, rows: Rows) -> Trajectory:
     """The trajectory without some blocks."""
-    return replace(trajectory, **{name: np.delete(getattr(trajectory, name), rows, axis=0) for name in COLUMNS})
+    asked = untimed(trajectory)
+    return replace(asked, **{name: np.delete(getattr(asked, name), rows, axis=0) for name in COLUMNS})
 
 
 def changed(trajectory: Trajectory, name: str, rows: Rows, value: float) -> Trajectory:
     """The trajectory with another value in one of its columns at some blocks."""
-    values = getattr(trajectory, name).copy()
+    asked = untimed(trajectory)
+    values = getattr(asked, name).copy()
     values[rows] = value
-    return replace(trajectory, **{name: values})
+    return replace(asked, **{name: values})
 
 
 def straight(

@@ -138,7 +138,8 @@ def test_a_bent_cut_is_as_far_off_as_its_middle() -> None:
     program.go(u=1.5 + 0.6 * MM, v=REACH)
     program.say(Event.KNIFE_1_UP)
     ledger, failures = judged(program, laid(1, 0.5, 1.0, 90))
-    assert ledger.cuts[1].error == pytest.approx(0.6 * MM)
+    # Of what it does beyond the tape's edge nothing counts.
+    assert 0.52 * MM < ledger.cuts[1].error <= (0.3 + 0.3 * 37.5 / 47.5) * MM
     assert said(failures) == [(1, "cut_error_mm", 6)]
 
 
@@ -210,6 +211,8 @@ def test_a_knife_left_down_cuts_to_the_end() -> None:
     program.sweep(1.5)
     program.blocks.pop()
     program.go(u=1.6)
+    assert judged(program, laid(1, 0.5, 1.0, 90))[1] == [], "beside the tape it cuts nothing"
+    program.go(u=1.6, v=0.0)
     failures = judged(program, laid(1, 0.5, 1.0, 90))[1]
     assert [failure.what for failure in failures] == ["knife_1_off_every_cut_mm", "cuts_made"]
 
@@ -362,11 +365,19 @@ def test_delayed_knives_cut_where_prompt_ones_do(delay: int, angles: tuple[float
     assert [cut.station for cut in cuts] == pytest.approx([cut.station for cut in prompt], abs=1e-9)
     assert max(cut.error for cut in cuts) < 1e-6
     if delay:
-        trajectory = planned.trajectory
-        rows = np.flatnonzero(trajectory.events == Event.KNIFE_1_DOWN)
-        slides = trajectory.positions[1:, TEN_AXES.index("v")]
-        effects = np.interp(trajectory.times[rows] + delay * 1e-3, trajectory.times[1:], slides)
-        assert np.max(np.abs(np.abs(effects) - REACH)) < 1e-6
+        effects = [
+            slides(found.trajectory, found.trajectory.events == Event.KNIFE_1_DOWN, seconds)
+            for found, seconds in ((planned, delay * 1e-3), (job_of(courses, setup_of()).plan(), 0.0))
+        ]
+        np.testing.assert_allclose(effects[0], effects[1], atol=1e-6)
+        assert np.all(np.abs(effects[1]) >= REACH - 1e-9)
+
+
+def slides(trajectory: Trajectory, words: np.ndarray, seconds: float) -> np.ndarray:
+    """Where the slide of knife 1 is so many seconds after each of some words."""
+    times = trajectory.times[words] + seconds
+    blocks = np.searchsorted(trajectory.times, times)
+    return trajectory.within(blocks, trajectory.fractions(blocks, times))[:, TEN_AXES.index("v")]
 
 
 @pytest.mark.parametrize(

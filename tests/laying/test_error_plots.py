@@ -84,8 +84,7 @@ def test_of_many_courses_those_nearest_to_a_limit_are_drawn() -> None:
     arcs = np.tile(np.linspace(0, 1, each), count)
     found = Samples(
         courses,
-        arcs,
-        arcs,
+        *(arcs for _ in range(4)),
         np.column_stack([0.01 * courses, arcs, zeros]),
         zeros,
         zeros,

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tapelayer.errors import BladesMeet, TapeWiderThanTravel
-from tapelayer.laying.head import Head, check_head, head_of
+from tapelayer.laying.head import Head, RunUp, check_head, head_of
+from tapelayer.motion.corners import Rule
 from tests.helpers.heads import HEAD
 from tests.helpers.machines import limited
 from tests.helpers.setups import setup_of
@@ -73,7 +74,8 @@ scrap_margin_mm = 3
 blade_length_mm = 25
 minimum_cut_angle_deg = 20
 """)
-    assert head_of(setup, limited(setup)) == Head(
+    head = head_of(setup, limited(setup), Rule("stop"))
+    assert head == Head(
         tape_width=pytest.approx(0.12),
         knife_to_nip=pytest.approx(0.42),
         knife_pitch=pytest.approx(0.1, abs=1e-12),
@@ -85,3 +87,6 @@ minimum_cut_angle_deg = 20
         minimum_cut_angle=pytest.approx(math.radians(20)),
         roll_length=90.0,
     )
+    blending = Rule("look_ahead")
+    run_up = RunUp(0.25, 1.0, 5.0, 2.0, 0.04, blending)
+    assert head_of(setup, limited(setup), blending, 0.04) == replace(head, run_up=run_up)

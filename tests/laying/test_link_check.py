@@ -20,12 +20,13 @@ from tapelayer.units import DEG, MM
 from tapelayer.verification.failures import Failure
 from tests.helpers.setups import setup_of
 from tests.helpers.surfaces import flat_course
+from tests.helpers.trajectories import reordered, untimed
 
 MACHINE = Machine.load()
 COLUMN = {name: column for column, name in enumerate(MACHINE.names)}
 COURSES = (flat_course(7, length=0.3, n=4), flat_course(8, length=0.3, n=4, x=0.6))
 INSPECTOR = Inspector(COURSES, setup_of(), MACHINE)
-PLANNED = plan(COURSES, setup_of(), MACHINE)
+PLANNED = untimed(plan(COURSES, setup_of(), MACHINE))
 # Every block has the line of its index.
 GOOD = replace(PLANNED, lines=np.arange(len(PLANNED), dtype=np.int32))
 ALONG_Y = np.array([0.0, 1.0, 0.0])
@@ -87,8 +88,7 @@ def rapid(row: int) -> Change:
 
 
 def rows_of(trajectory: Trajectory, rows: Floats) -> Trajectory:
-    names = ("positions", "kinds", "durations", "events", "courses", "stated", "lines")
-    return replace(trajectory, **{name: getattr(trajectory, name)[rows] for name in names})
+    return reordered(trajectory, rows)
 
 
 def without(row: int) -> Change:

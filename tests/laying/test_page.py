@@ -91,7 +91,8 @@ def test_page_of_a_million_samples_is_below_three_megabytes() -> None:
     arcs = np.tile(np.linspace(0, 1.9, n // count), count)
     noise = [5e-6 * random.standard_normal(n) for _ in range(8)]
     nips = np.column_stack([0.006 * courses + 0.02 * np.sin(9 * arcs), arcs, 0 * arcs])
-    found = Samples(courses, arcs, np.arange(n) * 1e-3, nips, *noise, np.arange(n) % 4 == 0)
+    times = np.arange(n) * 1e-3
+    found = Samples(courses, arcs, times, times, 0.25 + 0.0 * times, nips, *noise, np.arange(n) % 4 == 0)
     blocks = n // 4
     moves = trajectory(blocks)
     moves = replace(moves, positions=np.cumsum(random.standard_normal((blocks, 2)), axis=0) * 1e-3)

@@ -22,8 +22,7 @@ def test_plan_view_is_to_scale_and_coloured_by_the_worst_error() -> None:
     zeros = np.zeros(n)
     found = Samples(
         np.zeros(n, np.int64),
-        arcs,
-        arcs,
+        *(arcs for _ in range(4)),
         np.column_stack([0.2 + 0.3 * arcs, 0.5 - 0.4 * arcs, zeros]),
         errors,
         *(zeros for _ in range(7)),

@@ -127,8 +127,9 @@ def test_laying_puts_the_roller_on_the_surface_at_every_block() -> None:
     points, normals, tangents = helix(arc_lengths, heading=0.4)
     pose = tape_layer().forward_pinocchio(trajectory.positions[laid], "roller")
     centre = points + [0.3, -1.9, -1.4] + LENGTHS.radius * normals
-    assert np.max(np.abs(pose[:, :3, 3] - centre)) < 2e-8
-    assert np.max(np.abs(-pose[:, :3, 1] - np.cross(tangents, normals))) < 1e-6
+    # Blocks are balanced about the surface: their ends are as far off it as their middles are on the other side.
+    assert np.max(np.abs(pose[:, :3, 3] - centre)) < 0.02e-3
+    assert np.max(np.abs(-pose[:, :3, 1] - np.cross(tangents, normals))) < 1e-5
     assert arc_lengths[0] == pytest.approx(0.0, abs=1e-15)
     assert arc_lengths[-1] == pytest.approx(0.6, abs=1e-15)
 

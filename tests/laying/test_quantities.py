@@ -42,6 +42,7 @@ KEYS = {
     "laying_stops": 3,
     "laid_length_m": 1.5,
     "duration_s": 4.0,
+    "asked_s": 3.5,
     "tape_used_mm": 2000.0,
     "waste_mm": 500.0,
     "waste_percent": 25.0,
@@ -59,14 +60,25 @@ KEYS = {
     "taken_back_mm": 3.0,
     "least_link_clearance_mm": 48.0,
     "max_forward_disagreement_m": 2e-16,
+    "planned_laying_speed_mm_per_s": 250.0,
+    "median_laying_speed_mm_per_s": 500.0,
+    "max_laying_speed_mm_per_s": 1000.0,
     "speed_share": 1.0,
+    "planned_speed_share": 1.0,
+    "time_law": "look_ahead",
+    "slowest_planned": {"course": 3, "arc_length_mm": 0.0, "speed_mm_per_s": 250.0},
     "slowest_laying": {"course": 3, "arc_length_mm": 0.0, "speed_mm_per_s": 250.0},
+    "stops": [
+        {"course": 3, "arc_length_mm": 250.0, "rest_s": 0.0, "line": 12},
+        {"course": 17, "arc_length_mm": 500.0, "rest_s": 0.5, "line": 31},
+        {"course": 17, "arc_length_mm": 750.0, "rest_s": 0.0, "line": 34},
+    ],
     "time_shares": {"laying": 75.0, "threading": 18.75, "linking": 6.25},
     "program_sha256": SHA256,
     "tape": [],
     "axes": {},
     "passed": True,
-    "not_judged": ["collision", "acceleration", "the control's own time", "share at set speed"],
+    "not_judged": ["collision", "stops while laying", "share at set speed"],
     "failures": [],
 }
 
@@ -80,11 +92,12 @@ def test_keys_and_values() -> None:
         elif key not in ("axes", "tape"):
             assert numbers[key] == value, key
     assert list(numbers["axes"]) == ["x", "c"]
+    ramps = ("max_acceleration", "acceleration_limit")
     x, c = numbers["axes"]["x"], numbers["axes"]["c"]
-    assert list(x) == ["unit", "min", "max", "lower", "upper", "margin", "max_speed", "speed_limit"]
-    assert list(x.values()) == ["mm", *(pytest.approx(v) for v in (300, 400, 0, 2500, 300, 250, 1000))]
+    assert list(x) == ["unit", "min", "max", "lower", "upper", "margin", "max_speed", "speed_limit", *ramps]
+    assert list(x.values()) == ["mm", *(pytest.approx(v) for v in (300, 400, 0, 2500, 300, 250, 1000)), None, None]
     speeds = math.degrees(0.5), math.degrees(1.0)
-    assert list(c.values()) == ["deg", *(pytest.approx(v) for v in (-10, 29, -30, 30, 1, *speeds))]
+    assert list(c.values()) == ["deg", *(pytest.approx(v) for v in (-10, 29, -30, 30, 1, *speeds)), None, None]
 
 
 def test_values_are_plain_and_come_back_from_json() -> None:
@@ -111,8 +124,10 @@ def test_nothing_measured_is_neither_nought_nor_passed() -> None:
     nothing = Samples.joined([])
     numbers = numbers_of(evidence(samples=nothing))
     of_others = ("max_forward_disagreement_m", "max_cut_error_mm", "max_blade_error_deg")
-    lost = {key for key in KEYS if key.startswith("max_") and key not in of_others}
-    assert {key for key, value in numbers.items() if value is None} == lost | {"speed_share", "slowest_laying"}
+    speeds = {f"{which}_laying_speed_mm_per_s" for which in ("planned", "median", "max")}
+    speeds |= {"speed_share", "planned_speed_share", "slowest_planned", "slowest_laying"}
+    lost = {key for key in KEYS if key.startswith("max_") and key not in of_others} - speeds
+    assert {key for key, value in numbers.items() if value is None} == lost | speeds
     assert not numbers["passed"]
     assert {failure["what"] for failure in numbers["failures"]} == {key.removeprefix("max_") for key in lost}
     assert all(failure["value"] is None for failure in numbers["failures"])
@@ -292,7 +307,7 @@ def test_tape_that_was_not_measured_is_not_passed(name: str, bad: float) -> None
 
 
 def test_no_tape_at_all_is_not_passed() -> None:
-    numbers = numbers_of(evidence(tape=TapeLedger((), (), 0.0, 0.0, 0.0, 0.0)))
+    numbers = numbers_of(evidence(tape=TapeLedger((), (), (), 0.0, 0.0, 0.0, 0.0)))
     lost = {"cut_error_mm", "blade_error_deg", "waste_percent", "time_shares"}
     assert {failure["what"] for failure in numbers["failures"]} == lost
     assert set(numbers["time_shares"].values()) == {None}

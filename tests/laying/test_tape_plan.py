@@ -511,7 +511,9 @@ def test_knives_between_steps_stay_on_the_lines() -> None:
 
 
 def broken(plan: TapePlan, **changes: object) -> TapePlan:
-    fields = {name: np.array(getattr(plan.steps, name)) for name in ("u", "kinds", "knives", "poses", "raised")}
+    fields = {
+        name: np.array(getattr(plan.steps, name)) for name in ("u", "kinds", "knives", "poses", "speeds", "raised")
+    }
     for name, change in changes.items():
         row, value = change  # type: ignore[misc]
         fields[name][row] = fields[name][row] + value

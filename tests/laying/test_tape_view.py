@@ -123,7 +123,7 @@ def test_the_hatch_fills_the_waste_and_nothing_else(angles: tuple[float, ...], m
         cut(stations[2], angles[2], 1, starting=2),
         cut(stations[2] + 0.3, angles[3], 1, ending=2),
     )
-    tape = TapeLedger(rows, cuts, stations[2] + 0.3, 1.0, 1.0, 1.0)
+    tape = TapeLedger(rows, cuts, (), stations[2] + 0.3, 1.0, 1.0, 1.0)
     strip = strips(drawn(tape))[0]
     y = (np.arange(400) + 0.5) / 400 * strip.height
     slants = (strip.height / 2 - y) / strip.scale
@@ -210,7 +210,7 @@ def test_a_tape_that_was_not_measured_is_not_drawn(bad: float) -> None:
     rows = worn().rows
     nothing = Samples.joined([])
     for found in (
-        evidence(tape=TapeLedger((), (), 0.0, 0.0, 0.0, 0.0), samples=nothing),
+        evidence(tape=TapeLedger((), (), (), 0.0, 0.0, 0.0, 0.0), samples=nothing),
         evidence(tape=replace(worn(), rows=(rows[0], replace(rows[1], station=bad)))),
     ):
         text = page(found)

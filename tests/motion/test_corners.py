@@ -165,3 +165,16 @@ def test_axes_without_accelerations_need_no_time_for_ramps() -> None:
     blocks = straight(AXES, np.array([[0.5, 0, 0, 0, 0, 0], [0.5, 0.5, 0, 0, 0, 0]]), 2.0, ROUNDED)
     for rule in (STOP, LINUXCNC, LOOK_AHEAD):
         assert by(rule, blocks, Limits.speeds(LIMITS.speed)).durations.tolist() == [2.0, 2.0]
+
+
+def test_a_block_that_an_arc_shortens_overlaps_the_one_before_by_no_more_than_is_left() -> None:
+    """A pass, its last straight 5 mm, and a link at a right angle: the way adds up, and no joint jumps."""
+    steps: list[dict[str, float]] = [{"x": 0.1, "c": 0.3}, {"x": 0.005}, {"y": 0.008}, {"y": 0.1, "c": 0.3}]
+    found = by(LINUXCNC, run(steps, speed=0.3, tolerance=1 * MM))
+    clock = found.clock
+    assert clock is not None and not np.any(clock.stands[:-1])
+    assert clock.marks[-1] == pytest.approx(clock.reached[-1], rel=1e-9)
+    times = np.linspace(0.0, clock.ends[-1], 20001)
+    blocks = np.clip(np.searchsorted(clock.ends, times, side="right") - 1, 0, len(found) - 1)
+    joints = found.rounded(blocks, found.fractions(blocks, times))
+    assert np.max(np.abs(np.diff(joints[:, :2], axis=0))) <= 0.3 * 1.3 * times[1]

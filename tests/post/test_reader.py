@@ -197,6 +197,8 @@ def test_courses_are_those_of_the_comments_or_counted() -> None:
     assert blocks(text).courses.tolist() == [0] * 6 + [1] * 6 + [2] * 4
     commented = "(Course 4)\n" + lay.format(z=5, x=1) + "(course 2 of 9)\n" + lay.format(z=6, x=2)
     assert blocks(commented).courses.tolist() == [3] * 6 + [1] * 6
+    passes = commented.replace("Course", "pass").replace("course", "Pass")
+    assert blocks(passes).courses.tolist() == [3] * 6 + [1] * 6
     assert blocks("X1\n").courses.tolist() == [-1]
 
 

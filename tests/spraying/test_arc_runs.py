@@ -78,7 +78,8 @@ def test_a_plate_is_sprayed_in_one_run_a_pass() -> None:
 def test_samples_are_the_blocks_ends_and_evenly_between(seed: int, count: int) -> None:
     trajectory = any_trajectory([(Event.NONE, 0, Kind.LINEAR)] * (count + 1), seed)
     chosen = np.arange(1, count + 1)
-    joints, times, rows = sampled(trajectory, chosen)
+    joints, times, asked, rows = sampled(trajectory, chosen)
+    np.testing.assert_allclose(asked, times, atol=1e-12)
     ends = trajectory.times
     assert rows[0] == chosen[0] and times[0] == pytest.approx(ends[0])
     np.testing.assert_allclose(joints[0], trajectory.positions[0], atol=1e-12)

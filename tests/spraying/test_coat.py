@@ -98,7 +98,9 @@ def test_twice_the_rate_is_twice_the_coat_and_no_rate_is_relative_to_the_mean() 
 
 def test_what_the_wrist_does_not_reach_is_no_part_of_the_coat() -> None:
     samples, reach = measured(WAVE)
-    setup = spray_setup_of("[machine]\nlimits_deg = {phi = [0, 10]}\n[spray]\nmax_deviation_deg = 5")
+    setup = spray_setup_of(
+        "[machine]\nlimits_deg = {phi = [0, 10]}\n[spray]\nmax_deviation_deg = 5\ntolerance_deg = 1e-6"
+    )
     narrow = Reach(reach.mesh, setup, limited(setup))
     found = coat_of(samples, narrow, setup)
     assert np.all(found.surface.normals[:, 2] >= math.cos(math.radians(15)) - 1e-9)

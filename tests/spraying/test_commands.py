@@ -62,13 +62,16 @@ def test_the_report_has_every_key(sprayed: Path) -> None:
     assert report["sprayed_area_m2"] == pytest.approx(0.0378, rel=0.01)
     assert report["unreachable"] == []
     assert report["mesh"]["facets"] == 120 and report["mesh"]["mended"]["duplicate_facets"] == 0
-    assert 0 < report["max_deviation_deg"] <= 15 and report["max_position_error_mm"] <= 0.05
+    assert 0 < report["max_deviation_deg"] <= 15 and report["max_position_error_mm"] <= 0.5
     assert report["crease_length_mm"] == 0 and report["max_crease_deviation_deg"] is None
-    assert report["coverage_percent"] == pytest.approx(100.0)
+    # Where the gun is at speed on its way along the edge from pass to pass, it leaves a little bare there.
+    assert report["coverage_percent"] == pytest.approx(98.0, abs=0.5)
     assert 0 < report["cv_interior_percent"] < report["cv_percent"] < 20
     assert set(report["thickness"]) == {"mean_um", "interior_mean_um", "least_um", "greatest_um"}
     assert set(report["axes"]) == {"x", "y", "z", "theta", "phi"}
     assert report["duration_s"] > report["arc_time_s"] > 6
+    assert report["duration_s"] > report["asked_s"] > report["sprayed_length_m"] / 0.3
+    assert report["time_law"] == "look_ahead"
 
 
 def test_the_page_stands_alone(sprayed: Path) -> None:
@@ -107,8 +110,8 @@ def test_the_trajectory_file_is_the_program_in_the_part_s_frame(sprayed: Path) -
     for pose in program:
         found += found < len(expected) and bool(np.all(np.abs(pose - expected[found]) <= 1.1e-3))
     assert found == len(expected)
-    # Two more on each of four ways from pass to pass.
-    assert len(program) == len(expected) + 4 * 2
+    # The way from pass to pass is one block.
+    assert len(program) == len(expected)
 
 
 def test_verify_says_the_same_of_the_same_program(sprayed: Path) -> None:

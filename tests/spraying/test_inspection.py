@@ -25,7 +25,7 @@ from tests.helpers.machines import limited, sprayer
 from tests.helpers.panels import flat, mesh_of, sheet
 from tests.helpers.sprayed import planned as planned_over
 from tests.helpers.sprayed import roof
-from tests.helpers.trajectories import moved, without
+from tests.helpers.trajectories import moved, reordered, untimed, without
 
 WAVE = "wave"
 GAPS = "[spray]\nmax_gap_mm = 20\n"
@@ -44,6 +44,7 @@ def planned(name: str, text: str = "") -> tuple[SprayInspector, Spraying, Plan, 
     plan, mesh, setup = planned_over(triangles_of(name), text)
     machine = limited(setup)
     spraying = spray(plan.passes, setup, machine, float(mesh.vertices[:, 2].max()))
+    spraying = replace(spraying, trajectory=untimed(spraying.trajectory))
     return SprayInspector(plan.passes, spraying.splits, mesh, setup, machine), spraying, plan, mesh, setup
 
 
@@ -70,11 +71,12 @@ def test_a_planned_program_passes_and_says_what_it_is() -> None:
     links = np.linalg.norm(
         [b.path.points[0] - a.path.points[-1] for a, b in zip(plan.passes, plan.passes[1:], strict=False)], axis=1
     )
-    assert evidence.sprayed_length == pytest.approx(length + np.sum(links), rel=1e-9)
-    assert evidence.duration == spraying.trajectory.duration
+    # Straight blocks balanced about the path, P within half a millimetre of it.
+    assert evidence.sprayed_length == pytest.approx(length + np.sum(links), rel=2e-4)
+    assert (evidence.duration, evidence.asked) == (spraying.trajectory.duration, spraying.trajectory.duration)
     samples = evidence.samples
-    assert np.max(samples.position_errors) <= 1e-9
-    assert np.nanmax(samples.surface_distances) <= 0.1 * MM + 1e-9
+    assert 0.4 * MM < np.max(samples.position_errors) <= 0.5 * MM + 1e-9
+    assert np.nanmax(samples.surface_distances) <= 0.6 * MM + 1e-9
     assert 0.0 < np.nanmax(samples.deviations) <= 15 * DEG
     assert evidence.greatest_arc_distance <= 30 * MM + 1e-9
     assert evidence.forward_disagreement <= 1e-12
@@ -95,9 +97,9 @@ def test_the_gun_s_deviation_is_that_of_the_facets() -> None:
 @pytest.mark.parametrize(
     ("axis", "by", "what"),
     [
-        ("z", 0.06 * MM, "position_error_mm"),
-        ("y", -0.06 * MM, "position_error_mm"),
-        ("z", 0.3 * MM, "surface_distance_mm"),
+        ("z", 1.6 * MM, "position_error_mm"),
+        ("y", -1.6 * MM, "position_error_mm"),
+        ("z", 2.0 * MM, "surface_distance_mm"),
         ("phi", 16 * DEG, "deviation_deg"),
         ("theta", 61 * DEG, "theta_step_deg"),
         ("theta", 360 * DEG, "theta_step_deg"),
@@ -112,7 +114,7 @@ def test_one_block_that_is_off_is_found(axis: str, by: float, what: str) -> None
     assert what in found
 
 
-@pytest.mark.parametrize(("axis", "by"), [("z", 0.04 * MM), ("y", -0.04 * MM), ("phi", 0.5 * DEG)])
+@pytest.mark.parametrize(("axis", "by"), [("z", 1.0 * MM), ("y", -1.4 * MM), ("phi", 0.5 * DEG)])
 def test_one_block_that_is_nearly_right_passes(axis: str, by: float) -> None:
     trajectory = planned(WAVE)[1].trajectory
     block = at(trajectory, Event.ARC_ON) + 20
@@ -123,11 +125,11 @@ def test_one_block_that_is_nearly_right_passes(axis: str, by: float) -> None:
 def test_a_failure_says_where_it_is() -> None:
     inspector, spraying, _, _, _ = planned(WAVE)
     trajectory = replace(spraying.trajectory, lines=np.arange(len(spraying.trajectory), dtype=np.int32) + 11)
-    block = at(trajectory, Event.ARC_ON) + 5
+    block = at(trajectory, Event.ARC_ON) + 20
     with pytest.raises(VerificationFailed) as caught:
-        inspector.verify(moved(trajectory, block, "y", 1 * MM))
+        inspector.verify(moved(trajectory, block, "y", 2 * MM))
     first = str(caught.value).splitlines()[0]
-    assert re.fullmatch(rf"line {block + 11}: pass 1 point \d+: position_error_mm is 1, limit 0.05", first), first
+    assert re.fullmatch(rf"line {block + 11}: pass 2 point \d+: position_error_mm is 2\.\d+, limit 1.5", first), first
     assert caught.value.exit_code == 1
     assert Failure(0, 0, "x_mm", 1.0, 2.0, of="pass").sentence() == "x_mm is 1, limit 2"
 
@@ -171,20 +173,19 @@ def test_what_is_not_sprayed_is_found() -> None:
     late = at(trajectory, Event.ARC_ON, 2)
     order = np.arange(len(trajectory))
     order[late : late + 6] = [late + 1, late + 2, late + 3, late + 4, late + 5, late]
-    names = ("positions", "kinds", "durations", "events", "courses", "stated", "lines")
-    shifted = replace(trajectory, **{name: getattr(trajectory, name)[order] for name in names})
+    shifted = reordered(trajectory, order)
     positions = shifted.positions.copy()
     positions[late + 5] = positions[late + 4]
     assert "not_sprayed_mm" in failures(replace(shifted, positions=positions), "plate", GAPS)
 
 
 def test_a_pass_sprayed_backwards_or_twice_is_found() -> None:
+    wave = planned(WAVE)[1].trajectory
+    positions = wave.positions.copy()
+    middle = at(wave, Event.ARC_ON) + 8
+    positions[middle] = positions[middle - 4]
+    assert "run_back_mm" in failures(replace(wave, positions=positions), WAVE)
     trajectory = planned("plate", GAPS)[1].trajectory
-    on, off = at(trajectory, Event.ARC_ON), at(trajectory, Event.ARC_OFF)
-    positions = trajectory.positions.copy()
-    middle = (on + off) // 2
-    positions[middle, 0] = positions[middle - 4, 0]
-    assert "run_back_mm" in failures(replace(trajectory, positions=positions), "plate", GAPS)
     courses = trajectory.courses.copy()
     courses[courses == 3] = 9
     assert "pass" in failures(replace(trajectory, courses=courses), "plate", GAPS)
@@ -236,7 +237,7 @@ def test_the_arc_beside_the_part_is_found() -> None:
     (failure,) = judge.judge(spraying.trajectory).failures
     assert failure.what == "arc_beside_part_mm"
     assert failure.value == pytest.approx(130.0, abs=1e-6)
-    assert failure.limit == pytest.approx(60.05)
+    assert failure.limit == pytest.approx(61.5)
 
 
 def test_splits_are_found_with_their_reasons() -> None:

@@ -44,7 +44,7 @@ def test_the_gun_beside_creases_is_judged_where_a_limit_is_set() -> None:
         return SprayJob.of(stl_bytes(roof(120)), "roof.stl", setup).make("roof.nc")
 
     value = made("").report()["max_crease_deviation_deg"]
-    assert value > 15.0 and made("[verification]\nmax_crease_deviation_deg = 89\n").failure is None
+    assert value > 15.0 and made("[verification]\nmax_crease_deviation_deg = 89.9\n").failure is None
     failures = made("[verification]\nmax_crease_deviation_deg = 15\n").report()["failures"]
     assert [(one["what"], one["value"], one["limit"]) for one in failures] == [("crease_deviation_deg", value, 15.0)]
 

@@ -136,7 +136,9 @@ def test_a_roof_s_ridge_is_a_crease_and_its_surroundings_are_exempt() -> None:
     np.testing.assert_allclose(found.exempt, [[ridge - 0.03, ridge + 0.03]], atol=1e-9)
     inside = (found.path.arc_lengths > ridge - 0.0299) & (found.path.arc_lengths < ridge + 0.0299)
     assert np.all(np.isinf(found.leans[inside])) and np.all(np.isfinite(found.leans[~inside]))
-    assert len(planned(roof(29.9))[0].passes[0].exempt) == 0
+    # The gun leans by up to 15 deg, less the 2 deg that straight blocks may cost.
+    assert [len(planned(roof(fold))[0].passes[0].exempt) for fold in (25.9, 26.1)] == [0, 1]
+    assert len(planned(roof(29.9), "[spray]\ntolerance_deg = 0.01")[0].passes[0].exempt) == 0
 
 
 def test_layers_are_turned_and_the_next_along_the_same_lines_lies_between() -> None:

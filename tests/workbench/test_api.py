@@ -23,8 +23,7 @@ from tapelayer.laying.job import Job
 from tapelayer.laying.settings import Setup
 from tapelayer.reporting.subject import Occasion
 from tapelayer.setups.sections import parse_setup
-from tapelayer.workbench import answers, api
-from tapelayer.workbench.problems import Problem
+from tapelayer.workbench import answers, results
 from tests.helpers.forms import FORM, Part, body_of
 from tests.helpers.kinds import MOMENT
 from tests.helpers.panels import sheet, write_stl
@@ -35,6 +34,8 @@ from urdf import TAPELAYER
 EXAMPLES = ROOT / "examples"
 FLAT = (EXAMPLES / "flat_panel_00.txt").read_bytes()
 MEGABYTE = 10**6
+BOSS = (EXAMPLES / "boss_panel_20.txt").read_bytes()
+SHEET = (EXAMPLES / "curved_panel.stl").read_bytes()
 TILTED = "[process]\nkinematics = 'published'\n[verification]\nmax_roller_tilt_deg = 1\n"
 
 
@@ -192,12 +193,12 @@ def test_what_a_job_lists_is_what_it_has(
     client: Client, laid: dict[str, Any], sprayed: dict[str, Any], judged_bad: dict[str, Any]
 ) -> None:
     for job, missing in (
-        (laid, {"trajectory", "part", "coat"}),
-        (sprayed, {"tape"}),
+        (laid, {"withheld", "trajectory", "part", "coat"}),
+        (sprayed, {"withheld", "tape"}),
         (judged_bad, {"program", "trajectory", "part", "coat"}),
     ):
-        assert set(api.RESULTS) - set(job["results"]) == missing
-        given = {name for name in api.RESULTS if client.result(job["id"], name).status_code == 200}
+        assert set(results.RESULTS) - set(job["results"]) == missing
+        given = {name for name in results.RESULTS if client.result(job["id"], name).status_code == 200}
         assert given == set(job["results"])
 
 
@@ -216,7 +217,8 @@ def test_events_tell_the_whole_way(client: Client) -> None:
     events = list(client.follow(job))
     names = [name for name, _ in events]
     assert names[0] == "state" and names[-1] == "done" and set(names) == {"state", "progress", "done"}
-    keys = "id kind name state progress stage created_at summary error results sent mine"
+    keys = "id kind name source_sha256 title note state progress stage place created_at started_at finished_at "
+    keys += "deleted_at run_s summary error results sent mine"
     assert set(keys.split()) == set(events[0][1])
     progress = [data["progress"] for _, data in events]
     assert progress == sorted(progress) and progress[-1] == 1
@@ -251,6 +253,9 @@ def test_a_program_judged_bad_is_withheld(client: Client, judged_bad: dict[str, 
     assert (judged_bad["state"], judged_bad["error"]["code"]) == ("failed", "verification-failed")
     assert judged_bad["summary"]["passed"] is False and judged_bad["summary"]["failures"] > 0
     problem = assert_problem(client.result(job, "program"), "program-withheld", 409)
+    withheld = client.result(job, "withheld")
+    assert withheld.headers["content-type"] == "application/json"
+    assert withheld.json()["withheld"].startswith("FAILED") and withheld.json()["lines"]
     assert problem["failures"] == judged_bad["error"]["failures"]
     report = client.result(job, "report.json").json()
     assert report["passed"] is False and report["failures"][0] == problem["failures"][0]
@@ -408,6 +413,50 @@ def test_no_part_is_a_path(client: Client, laid: dict[str, Any]) -> None:
         assert_problem(client.result(laid["id"], f"parts/{name}"), "not-found", 404)
 
 
+def planted(place: Path, target: Path, how: str) -> None:
+    """Put something that is no file of the job's own in a place."""
+    place.unlink()
+    if how == "link":
+        place.symlink_to(target)
+    elif how == "name":
+        place.hardlink_to(target)
+    elif how == "pipe":
+        os.mkfifo(place)
+    else:
+        place.mkdir()
+
+
+@pytest.mark.parametrize("how", ["link", "name", "pipe", "folder"])
+def test_what_is_planted_in_a_job_is_not_served(client: Client, folder: Path, tmp_path: Path, how: str) -> None:
+    secret = folder / "secret"
+    secret.write_bytes(b"secret")
+    job = client.made("panel.txt", FLAT, parts={"notes.txt": b"mine"}, mould=SHEET)
+    addresses = {"setup": "setup.toml", "source": "source", "mould": "mould", "parts/notes.txt": "parts/notes.txt"}
+    addresses |= {address: f"out/{file}" for address, file in results.RESULTS.items() if address in job["results"]}
+    for address, file in addresses.items():
+        assert client.result(job["id"], address).status_code == 200
+        planted(folder / "jobs" / job["id"] / file, secret, how)
+        answer = client.result(job["id"], address)
+        assert (answer.status_code, b"secret" in answer.content) == (404, False), address
+    assert_problem(client.result(job["id"], "limits"), "not-found", 404)
+    assert client.get(f"/api/v1/jobs/{job['id']}").json()["results"] == []
+    secret.unlink()
+
+
+def test_a_folder_that_is_planted_in_a_job_is_not_entered(client: Client, folder: Path, tmp_path: Path) -> None:
+    job, other = (client.made("panel.txt", FLAT, parts={"notes.txt": b"mine"}) for _ in range(2))
+    for name in ("out", "parts"):
+        (folder / "jobs" / job["id"] / name).rename(tmp_path / name)
+        (folder / "jobs" / job["id"] / name).symlink_to(tmp_path / name)
+    assert client.get(f"/api/v1/jobs/{job['id']}").json()["results"] == []
+    assert_problem(client.result(job["id"], "parts/notes.txt"), "not-found", 404)
+    assert_problem(client.result(job["id"], "program"), "not-made", 404)
+    # The whole folder may be another's.
+    (folder / "jobs" / other["id"]).rename(tmp_path / "other")
+    (folder / "jobs" / other["id"]).symlink_to(tmp_path / "other")
+    assert_problem(client.result(other["id"], "source"), "not-found", 404)
+
+
 def test_nothing_is_left_of_what_was_refused(client: Client, folder: Path) -> None:
     client.submit("panel.txt", FLAT, kind="cut")
     assert list((folder / "staging").iterdir()) == []
@@ -468,20 +517,133 @@ def test_jobs_are_cancelled_and_removed(workbench: Workbench, folder: Path) -> N
             assert_problem(client.result(job, "program"), "job-failed", 409)
         assert client.ended(waiting[1])["state"] == "done"
         running, _ = held(workbench, client, "again.txt")
-        assert client.delete(f"/api/v1/jobs/{running}").status_code == 204
+        assert client.delete(f"/api/v1/jobs/{running}", params={"forever": True}).status_code == 204
         assert_problem(client.get(f"/api/v1/jobs/{running}"), "not-found", 404)
         assert not (folder / "jobs" / running).exists()
 
 
-def test_a_file_that_goes_before_it_is_sent_is_not_found(tmp_path: Path) -> None:
+def test_a_deleted_job_is_brought_back(workbench: Workbench, folder: Path) -> None:
+    with workbench.client() as client, workbench.client() as stranger:
+        job = client.made("panel.txt", FLAT)
+        address = f"/api/v1/jobs/{job['id']}"
+        program = client.get(f"{address}/program").content
+        assert_problem(stranger.post(f"{address}/restore"), "not-owner", 403)
+        assert client.delete(address).status_code == 204
+        for path in ("", "/program", "/events"):
+            told = assert_problem(client.get(f"{address}{path}"), "not-found", 404)
+            assert told["detail"].startswith(f"job {job['id']} was deleted at 20")
+        assert client.get("/api/v1/jobs").json() == {"jobs": []}
+        (deleted,) = client.get("/api/v1/jobs", params={"deleted": True}).json()["jobs"]
+        assert deleted["deleted_at"] and deleted | {"deleted_at": None} == job
+        assert_problem(stranger.post(f"{address}/restore"), "not-owner", 403)
+        assert client.post(f"{address}/restore").json() == job == client.get(address).json()
+        assert client.get(f"{address}/program").content == program
+        # What runs is cancelled, and stays so.
+        running, _ = held(workbench, client, "running.txt")
+        assert client.delete(f"/api/v1/jobs/{running}").status_code == 204
+        assert client.post(f"/api/v1/jobs/{running}/restore").json()["state"] == "cancelled"
+        # For good, also where it was deleted before.
+        assert client.delete(address).status_code == 204
+        assert_problem(client.delete(address), "not-found", 404)
+        assert client.delete(address, params={"forever": True}).status_code == 204
+        assert_problem(client.post(f"{address}/restore"), "not-found", 404)
+        assert_problem(client.delete(address, params={"forever": True}), "not-found", 404)
+        assert not (folder / "jobs" / job["id"]).exists()
+
+
+def test_a_job_has_a_title_and_a_note(workbench: Workbench) -> None:
+    with workbench.client() as client, workbench.client() as stranger:
+        job = client.made("panel.txt", FLAT)
+        assert (job["title"], job["note"], job["source_sha256"]) == ("", "", hashlib.sha256(FLAT).hexdigest())
+        assert job["run_s"] > 0 and job["created_at"] <= job["started_at"] < job["finished_at"]
+        address = f"/api/v1/jobs/{job['id']}"
+        assert client.patch(address, json={"title": "左翼"}).json() == job | {"title": "左翼"}
+        described = job | {"title": "左翼", "note": "new roll"}
+        assert client.patch(address, json={"note": "new roll"}).json() == described == client.get(address).json()
+        assert client.get("/api/v1/jobs").json()["jobs"] == [described]
+        assert_problem(stranger.patch(address, json={"note": ""}), "not-owner", 403)
+        for wrong in ({"title": "a" * 201}, {"note": "a" * 2001}, {"note": 1}, {"name": "b.txt"}):
+            assert_problem(client.patch(address, json=wrong), "invalid-request", 422)
+        # Who follows a job that is under way is told.
+        running, workers = held(workbench, client, "running.txt")
+        client.patch(f"/api/v1/jobs/{running}", json={"note": "while it runs"})
+        events = client.follow(running)
+        assert next(events)[1]["note"] == "while it runs"
+        for worker in workers:
+            os.kill(worker, signal.SIGCONT)
+        assert client.ended(running)["note"] == "while it runs"
+
+
+def test_places_in_the_queue_are_told(workbench: Workbench) -> None:
+    with workbench.client() as ann, workbench.client() as bob:
+        running, _ = held(workbench, ann, "running.txt")
+        first, second = (ann.submit(f"{number}.txt", FLAT).json() for number in (1, 2))
+        third = bob.submit("3.txt", FLAT).json()
+        assert (first["place"], second["place"], third["place"]) == (1, 2, 2)
+        # The owners take turns.
+        places = {job["name"]: job["place"] for job in ann.get("/api/v1/jobs").json()["jobs"]}
+        assert places == {"running.txt": None, "1.txt": 1, "2.txt": 3}
+        events = ann.follow(second["id"])
+        seen = [next(events)[1]["place"]]
+        ann.post(f"/api/v1/jobs/{running}/cancel")
+        seen += [data["place"] for name, data in events if name == "state" and data["state"] == "queued"]
+        assert seen[0] == 3 and seen == sorted(seen, reverse=True) and seen[-1] == 1
+        assert ann.ended(second["id"])["place"] is None and bob.ended(third["id"])["state"] == "done"
+
+
+def test_two_jobs_are_compared(workbench: Workbench, wave: bytes) -> None:
+    with workbench.client() as client:
+        one = client.made("panel.txt", FLAT, parts={"notes.txt": b"a"})
+        wide = "[tape]\nwidth_mm = 50\n[process]\nlay_speed_mm_per_s = 100\n"
+        two = client.made("other.txt", BOSS, setup=wide, controller="linuxcnc", parts={"notes.txt": b"b"})
+
+        def compared(a: dict[str, Any], b: dict[str, Any]) -> httpx.Response:
+            return client.get("/api/v1/jobs/compare", params={"a": a["id"], "b": b["id"]})
+
+        told = compared(one, two).json()
+        reports = [client.result(job["id"], "report.json").json() for job in (one, two)]
+        (rows,) = [kind for kind in client.get("/api/v1/quantities").json()["kinds"] if kind["kind"] == "lay"]
+        keys = [row["key"] for row in rows["quantities"]]
+        assert {"duration_s", "waste_mm", "max_position_error_mm"} < set(keys)
+        assert told["quantities"] == [{"key": key, "a": reports[0][key], "b": reports[1][key]} for key in keys]
+        assert {(row["section"], row["key"], row["a"], row["b"]) for row in told["setup"]} == {
+            ("tape", "width_mm", Setup().tape.width_mm, 50),
+            ("process", "lay_speed_mm_per_s", Setup().process.lay_speed_mm_per_s, 100),
+            ("output", "controller", "jb3208", "linuxcnc"),
+        }
+        hashes = [[hashlib.sha256(data).hexdigest() for data in pair] for pair in ((FLAT, BOSS), (b"a", b"b"))]
+        names = ("source", "notes.txt")
+        assert told["files"] == [{"file": name, "a": a, "b": b} for name, (a, b) in zip(names, hashes, strict=True)]
+        same = compared(one, one).json()
+        assert (same["setup"], same["files"]) == ([], [])
+        assert all(row["a"] == row["b"] for row in same["quantities"])
+        sprayed, failed = client.made("wave.stl", wave, kind="spray"), client.made("bad.txt", b"1\n")
+        told = assert_problem(compared(one, sprayed), "invalid-request", 422)
+        assert told["detail"] == "job a is of kind lay, job b of kind spray; compare jobs of one kind"
+        assert assert_problem(compared(one, failed), "job-failed", 409)["detail"].startswith("job b has no report: ")
+        told = assert_problem(compared({"id": "0" * 32}, one), "not-found", 404)
+        assert told["detail"] == f"there is no job {'0' * 32}; it may have expired or been removed"
+        running, _ = held(workbench, client, "running.txt")
+        told = assert_problem(compared(one, {"id": running}), "job-not-finished", 409)
+        assert told["detail"] == "job b is under way; compare it when it has ended"
+        client.post(f"/api/v1/jobs/{running}/cancel")
+
+
+def test_a_file_that_goes_while_it_is_sent_is_sent(tmp_path: Path) -> None:
     file = tmp_path / "source"
-    file.write_bytes(b"")
-    answer = answers.JobFile(file)
+    file.write_bytes(FLAT)
+    answer = answers.JobFile(file.open("rb"), "text/plain")
     file.unlink()
-    scope = {"type": "http", "method": "GET", "headers": []}
-    with pytest.raises(Problem, match="^this job has just been removed$") as problem:
-        asyncio.run(answer(scope, unasked, unasked))
-    assert problem.value.code == "not-found"
+    file.write_bytes(b"another")
+    sent: list[dict[str, Any]] = []
+
+    async def send(message: dict[str, Any]) -> None:
+        sent.append(message)
+
+    scope = {"type": "http", "method": "GET", "headers": [], "asgi": {"spec_version": "2.4"}}
+    asyncio.run(answer(scope, unasked, send))
+    assert dict(sent[0]["headers"])[b"content-length"] == str(len(FLAT)).encode()
+    assert b"".join(message["body"] for message in sent[1:]) == FLAT
 
 
 async def unasked(*message: object) -> Any:

@@ -16,7 +16,7 @@ from post import controllers
 from tapelayer.jobs.kinds import NAMES, kind_of
 from tapelayer.workbench.catalogue import EXAMPLES
 from tapelayer.workbench.problems import CODES
-from tapelayer.workbench.store import State
+from tapelayer.workbench.record import State
 from tests.helpers.paths import ROOT
 
 WORKBENCH = ROOT / "tapelayer" / "workbench"

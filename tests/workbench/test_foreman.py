@@ -21,7 +21,8 @@ from tapelayer.laying.settings import Setup
 from tapelayer.workbench import foreman as foreman_module
 from tapelayer.workbench.foreman import Foreman, Limits
 from tapelayer.workbench.problems import Problem
-from tapelayer.workbench.store import Record, Store
+from tapelayer.workbench.record import Record
+from tapelayer.workbench.store import Store
 from tests.helpers.panels import flat, sheet, write_stl
 from tests.helpers.paths import EXAMPLES, ROOT
 

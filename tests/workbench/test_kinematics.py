@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tapelayer.arrays import Floats
-from tapelayer.workbench import kinematics
+from tapelayer.workbench import kinematics, solving
+from tapelayer.workbench.problems import Problem
 from tests.helpers.machines import LENGTHS, sprayer, tape_layer
 from tests.helpers.routes import Asking
+from tests.helpers.served import Workbench
 
 CLIENT = Asking(kinematics.router)
 MACHINES = {"tapelayer": tape_layer, "sprayer": sprayer}
@@ -25,6 +33,8 @@ JOINTS = {"tapelayer": [*PLACE, "c_deg", "a_deg"], "sprayer": [*PLACE, "theta_de
 
 SPECIAL = st.sampled_from([-180.0, -135.0, -90.0, -45.0, -30.0, 0.0, 30.0, 45.0, 90.0, 135.0, 180.0])
 MM = st.floats(0, 2000)
+# For the machine to be very busy.
+PATIENCE = 60
 
 
 def ask(way: str, machine: str, axes: list[str], values: list[list[float]]) -> dict[str, Any]:
@@ -216,7 +226,6 @@ FINE: dict[str, Any] = {
         ({"values": [[1, 2, True, 0, 0, 1]]}, "values[0][2]: Input should be a valid number"),
         ({"values": [[1, 1e13, 3, 0, 0, 1]]}, "values[0][1]: Input should be less than or equal to 1000000000000"),
         ({"values": [[0.0] * 10]}, "values[0]: List should have at most 6 items"),
-        ({"values": FINE["values"] * 50_001}, "values: List should have at most 100000 items"),
         ({"unit": "mm"}, "unit: Extra inputs are not permitted"),
     ],
 )
@@ -240,10 +249,50 @@ def test_any_direction_is_as_good_as_its_unit() -> None:
         np.testing.assert_allclose(other, first, rtol=1e-12)
 
 
+def rows(count: int) -> bytes:
+    """Body of so many rows."""
+    return json.dumps(FINE | {"values": [[1.0, 2.0, 3.0, 0.0, 0.6, 0.8]] * count}).encode()
+
+
 def test_many_rows_are_solved_at_once() -> None:
-    rows = [[1.0, 2.0, 3.0, 0.0, 0.6, 0.8]] * kinematics.MOST_ROWS
-    found = solved("sprayer", rows)
-    assert found["within_travel"][0] == [True] * kinematics.MOST_ROWS
+    found = json.loads(solving.solve("inverse", rows(solving.MOST_ROWS)))
+    assert found["within_travel"][0] == [True] * solving.MOST_ROWS
+    with pytest.raises(Problem, match="^values: List should have at most 100000 items"):
+        solving.solve("inverse", rows(solving.MOST_ROWS + 1))
+
+
+def test_many_rows_keep_nobody_waiting(tmp_path: Path) -> None:
+    """While the workers stand still, the server answers others; when they go on, the rows are answered as ever."""
+    many = rows(solving.MOST_ROWS)
+    assert len(many) > kinematics.HEAVY_BYTES
+    with Workbench(tmp_path, "--workers", 1) as workbench, ThreadPoolExecutor(2) as threads:
+
+        def asked(body: bytes) -> httpx.Response:
+            return httpx.post(f"{workbench.url}/api/v1/inverse", content=body, timeout=PATIENCE)
+
+        for body in (many, rows(solving.MOST_ROWS + 1)):
+            while not workbench.workers():
+                time.sleep(0.05)
+            # A worker begins with the order that it gets, so the one that waits for it is stopped beforehand.
+            stopped = workbench.workers()
+            for worker in stopped:
+                os.kill(worker, signal.SIGSTOP)
+            answer = threads.submit(asked, body)
+            while not list((tmp_path / "staging").glob("*/request.json")):
+                time.sleep(0.02)
+            for _ in range(5):
+                assert httpx.get(f"{workbench.url}/api/v1/jobs", timeout=PATIENCE).status_code == 200
+                assert asked(rows(2)).status_code == 200
+            assert not answer.done()
+            for worker in stopped:
+                os.kill(worker, signal.SIGCONT)
+            told = answer.result()
+            if body is many:
+                assert (told.status_code, told.content) == (200, solving.solve("inverse", many))
+            else:
+                assert told.status_code == 422
+                assert told.json()["detail"].startswith("values: List should have at most 100000 items")
+        assert not list((tmp_path / "staging").iterdir())
 
 
 def test_the_description_has_the_body() -> None:
@@ -254,7 +303,7 @@ def test_the_description_has_the_body() -> None:
             names = (POSE if way == "inverse" else JOINTS)[machine]
             values, axes = schema["properties"]["values"], schema["properties"]["axes"]
             assert (schema["properties"]["machine"]["const"], axes["items"]["enum"]) == (machine, names)
-            assert values["maxItems"] == kinematics.MOST_ROWS
+            assert values["maxItems"] == solving.MOST_ROWS
             assert values["items"]["minItems"] == values["items"]["maxItems"] == axes["minItems"] == len(names)
             assert schema["required"] == ["machine", "frame", "axes", "values"]
             assert "$ref" not in json.dumps(schema)

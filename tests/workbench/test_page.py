@@ -132,12 +132,11 @@ def assert_on_the_way(person: Person, made: Made) -> float:
     moves = made.trajectory
     assert seconds(whole) == pytest.approx(moves.duration, abs=1.1e-3)
     rows = np.minimum(np.searchsorted(moves.times, times), len(moves) - 1)
-    shares = np.clip(1 - (moves.times[rows] - times) / np.maximum(moves.durations[rows], 1e-9), 0, 1)
-    values = made.shown(moves.within(rows, shares))
+    values = made.shown(moves.within(rows, moves.fractions(rows, times)))
     readout = np.array([float(person.axes()[name]) for name in made.machine.names])
-    # An arc is drawn by straight pieces that stay this close to it, mm.
-    arc = 0.05 if np.isin(moves.kinds[rows], (Kind.CLOCKWISE, Kind.COUNTERCLOCKWISE)).any() else 0.0
-    doubts = 0.001 + arc + np.spacing(np.abs(readout).astype(np.float32)) + np.where(np.abs(readout) < EXACT, 0, 0.05)
+    # Arcs and ramps are drawn by straight pieces at even speeds that stay this close to them, mm or thousandths of rad.
+    bent = 0.05 * np.where([axis.revolute for axis in made.machine.axes], np.degrees(1e-3), 1.0)
+    doubts = 0.001 + bent + np.spacing(np.abs(readout).astype(np.float32)) + np.where(np.abs(readout) < EXACT, 0, 0.05)
     assert (readout > values.min(axis=0) - doubts).all() and (readout < values.max(axis=0) + doubts).all()
     current = person.program().locator(".nc-current")
     api.expect(current).to_have_text(
@@ -216,8 +215,10 @@ def test_the_verdict_is_the_report_s(laid: Person, made: Made) -> None:
     assert made.report["passed"] is True
     verdict = laid.text("verdict")
     assert verdict.startswith("PASSED")
-    for key, number in (("max_position_error_mm", ".4f"), ("duration_s", ".1f"), ("blocks", "d")):
+    for key, number in (("max_position_error_mm", ".4f"), ("blocks", "d")):
         assert format(made.report[key], number) in verdict
+    minutes, rest = divmod(round(made.report["duration_s"], 1), 60)
+    assert f"duration {minutes:.0f} min {rest:.1f} s" in verdict
     laid["tab-verdict"].click()
     assert laid.text("program-sha256") == hashlib.sha256(made.text).hexdigest() == made.report["program_sha256"]
 
@@ -339,26 +340,30 @@ def test_the_ledger_leads_to_its_courses(laid: Person, made: Made) -> None:
 
 
 def test_a_course_in_the_view_has_its_lines_selected(laid: Person, made: Made) -> None:
+    laid.page.keyboard.press("End")
     laid["view-top"].click()
     laid["view-fit"].click()
     canvas = laid["scene"].bounding_box()
-    label = laid.page.locator(".scene-label")
+    label = laid["scene-label"]
     met: dict[int, float] = {}
     for share in np.linspace(0.1, 0.9, 17):
         laid.page.mouse.move(canvas["x"] + canvas["width"] / 2, canvas["y"] + share * canvas["height"])
         laid.page.wait_for_timeout(150)
         if label.is_visible():
-            met.setdefault(int(label.text_content().removeprefix("course ")), share)
+            found = re.match(r"course (\d+), point \d+\n", label.text_content())
+            assert found
+            met.setdefault(int(found[1]), share)
     courses = list(met)
     assert len(courses) > 2 and courses in (sorted(courses), sorted(courses, reverse=True))
     number = courses[len(courses) // 2]
     laid.page.mouse.click(canvas["x"] + canvas["width"] / 2, canvas["y"] + met[number] * canvas["height"])
-    chosen = laid.program().locator(".nc-chosen")
-    title = f"(course {number} of {made.report['courses']})"
-    api.expect(chosen.first).to_have_text(title)
+    laid.see("clock-place", f"course {number}")
+    api.expect(laid["course-select"]).to_have_value(str(number))
+    first, last = made.course_rows(number)
+    begin, end = made.lines.index(f"(course {number} of {made.report['courses']})"), int(made.trajectory.lines[last])
+    assert begin < made.trajectory.lines[first]
+    api.expect(laid.program().locator(".nc-current")).to_be_in_viewport()
     lines = laid.page.evaluate(LINES)
-    begin, end = made.lines.index(title), int(made.trajectory.lines[made.course_rows(number)[1]])
-    assert [text for text, _ in lines].index(title) > 0
     assert {text for text, marked in lines if marked} == {text for text, _ in lines} & set(made.lines[begin:end])
     laid.keep("course-selected")
 
@@ -442,7 +447,8 @@ def waves(count: int) -> bytes:
 def test_the_page_is_cleared(visitor: Person) -> None:
     def cleared() -> None:
         api.expect(visitor["verdict"]).not_to_be_visible()
-        api.expect(visitor["program"]).to_have_count(0)
+        api.expect(visitor["program"]).to_be_hidden()
+        assert visitor.program().count() == 0
         assert visitor.axes() == {} and visitor.text("clock-place") == ""
         assert visitor["download-setup"].count() == 0 and visitor["download-program"].get_attribute("href") is None
         assert visitor.page.url == f"{visitor.url}/"
@@ -557,13 +563,24 @@ def test_a_program_judged_bad_is_withheld(guest: Person) -> None:
     report = guest.get(f"/api/v1/jobs/{guest.job()}/report.json").json()
     failures = guest["failures"].locator("tbody tr")
     assert failures.count() == len(report["failures"]) > 1
-    for number in (0, len(report["failures"]) - 1):
+    own = [number for number, failure in enumerate(report["failures"]) if failure["what"] == "position_error_mm"]
+    assert len(own) > 1
+    for number in (own[0], own[-1]):
         failure = report["failures"][number]
-        assert failure["what"] == "position_error_mm" and failure["limit"] == 0.001
+        assert failure["limit"] == 0.001
         failures.nth(number).locator("button").click()
         guest.see("clock-place", f"course {failure['course']} ")
     api.expect(guest["program-withheld"]).to_be_visible()
-    assert guest["program"].count() == 0 and guest["download-program"].get_attribute("href") is None
+    # It can be read, follows the failures, and is not given away.
+    api.expect(guest.program().locator(".nc-current")).to_be_in_viewport()
+    assert guest["program"].evaluate("(text) => getComputedStyle(text, '::after').content") == '"FAILED · withheld"'
+    assert guest["download-program"].get_attribute("href") is None and guest["copy-program"].is_disabled()
+    copied = """(text) => {
+        const event = new ClipboardEvent("copy", { bubbles: true, cancelable: true });
+        return text.shadowRoot.querySelector(".cm-content").dispatchEvent(event);
+    }"""
+    assert guest["program"].evaluate(copied) is False
+    assert guest.page.locator(".failures").count() == 1
     assert json.loads(guest.download("download-report-json")[1]) == report
     answer = guest.context.request.get(f"{guest.url}/api/v1/jobs/{guest.job()}/program")
     assert (answer.status, answer.json()["code"]) == (409, "program-withheld")
@@ -632,11 +649,11 @@ TEXTS = """(root) => {
     walk(document);
     return found.filter((text) => /\\p{L}/u.test(text));
 }"""
-UNIT = r"(mm|deg|m|s|ms|in)(/s)?"
+UNIT = r"(mm|cm|deg|m|s|ms|in)(/s)?"
 SAME = re.compile(
-    rf"""[a-z]|theta|phi|tapelayer|English|中文|JSON|URDF|[0-9a-f]{{64}}|{UNIT}|°/s
+    rf"""[a-zA-Z]|theta|phi|tapelayer|English|中文|JSON|URDF|[0-9a-f]{{64}}|{UNIT}|°/s
     |cylinder_panel_15\.txt(\ ·\ [0-9a-f]{{32}})?|jb3208|linuxcnc(_remap)?|sinumerik840d|generic5
-    |[0-9.e-]+\ {UNIT}|[a-z]\ {UNIT}|[GM]\d\d|F|Ctrl|Shift|Enter|End|Home|Esc|Space
+    |([0-9]+\ min\ )?[0-9.e-]+\ {UNIT}|[a-z]\ {UNIT}|[GM]\d\d|Ctrl|Shift|Enter|End|Home|Esc|Space
     |[a-z0-9]+(_[a-z0-9]+)+|urdf|kinematics|controller""",
     re.VERBOSE,
 )
@@ -851,6 +868,7 @@ def test_a_token_is_asked_for_and_kept_nowhere(browser: Any, tmp_path: Path) -> 
         person.leave()
 
 
+LONGEST_MS = 200
 TRACED = ["devtools.timeline", "disabled-by-default-devtools.timeline.frame"]
 # What runs scripts on the page's thread.
 SCRIPTS = {"FunctionCall", "EvaluateScript", "RunMicrotasks", "FireAnimationFrame", "TimerFire", "EventDispatch"}
@@ -880,7 +898,7 @@ def longest_script_ms(trace: bytes) -> tuple[float, float]:
 
 @pytest.mark.slow
 def test_a_hundred_thousand_blocks_stay_together(browser: Any, tmp_path: Path) -> None:
-    """Scrolls, plays and scrubs; how long scripts take is reported, and left to whoever reads it."""
+    """Scrolls, plays, scrubs, searches and translates: no frame's scripts take a processor 200 ms."""
     traces: dict[str, bytes] = {}
 
     @contextmanager
@@ -936,6 +954,20 @@ def test_a_hundred_thousand_blocks_stay_together(browser: Any, tmp_path: Path) -
             for share in np.linspace(0.1, 0.9, 20):
                 person.page.mouse.click(over["x"] + share * over["width"], over["y"] + over["height"] / 2)
             assert_on_the_way(person, made)
+        with traced("material"):
+            person["tab-ledger"].click()
+            api.expect(person["ledger"].locator("tbody tr").first).to_be_visible()
+            person.page.wait_for_timeout(500)
+        with traced("searching"):
+            person["program-search"].click()
+            person.page.keyboard.type(made.lines[int(made.trajectory.lines[-2]) - 1].split(" ")[0] + " ")
+            person.page.keyboard.press("Enter")
+            api.expect(person["search-count"]).to_have_text("1 of 1")
+            person.page.wait_for_timeout(500)
+        with traced("language"):
+            person["language"].select_option("zh")
+            api.expect(person["generate"]).to_have_text("生成")
+            person.page.wait_for_timeout(500)
         person.leave()
     seconds_to = {"first_view_s": round(first_view, 2), "machine_drawn_s": round(machine_drawn, 2)}
     found = {"blocks": len(made.trajectory)} | seconds_to
@@ -945,3 +977,4 @@ def test_a_hundred_thousand_blocks_stay_together(browser: Any, tmp_path: Path) -
     (SCREENSHOTS / "trace.json").write_text(report + "\n")
     for what, trace in traces.items():
         (SCREENSHOTS / f"trace-{what}.json").write_bytes(trace)
+    assert max(processor for _, processor in longest.values()) < LONGEST_MS

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tapelayer.arrays import Floats
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import format_courses
-from tests.helpers.browsing import Person, api, chromium
+from tests.helpers.browsing import Camera, Person, api, chromium
 from tests.helpers.served import Workbench
 from tests.workbench.test_page import EXAMPLE, Made
 
@@ -79,6 +81,116 @@ def test_elevations_are_parallel_until_they_are_turned(laid: Person) -> None:
         laid.keep(f"view-{direction}-turned")
     laid["view-iso"].click()
     api.expect(scene).to_have_attribute("data-projection", "perspective")
+
+
+def triad(person: Person) -> dict[str, tuple[float, float]]:
+    """Ends of the arms of the directions on the page, to the right and upwards."""
+    arms = {name: person[f"triad-{name}"].locator("line") for name in "xyz"}
+    return {name: (float(arm.get_attribute("x2")), -float(arm.get_attribute("y2"))) for name, arm in arms.items()}
+
+
+def below_the_buttons(person: Person) -> Floats:
+    """The view as it looks, without the buttons that lie over it."""
+    tool = person["tape-colour"].bounding_box()
+    first = math.ceil(tool["y"] + tool["height"] - person["scene"].bounding_box()["y"])
+    return person.picture("scene")[first:]
+
+
+def test_directions_and_a_grid_in_mm_are_shown(laid: Person) -> None:
+    seen = {"top": ("x", "y", "z"), "front": ("x", "z", "y"), "side": ("y", "z", "x")}
+    for view, (right, up, away) in seen.items():
+        laid[f"view-{view}"].click()
+        laid["view-fit"].click()
+        camera = Camera(laid)
+        arms = triad(laid)
+        assert arms[right] == pytest.approx((0.62, 0.0), abs=1e-3), view
+        assert arms[up] == pytest.approx((0.0, 0.62), abs=1e-3), view
+        assert arms[away] == pytest.approx((0.0, 0.0), abs=1e-3), view
+        assert laid[f"triad-{right}"].text_content() == right
+        # What the grid adds to the picture are lines at multiples of the spacing that is told.
+        spacing = float(laid.text("grid-spacing").removeprefix("grid ").removesuffix(" mm"))
+        shown = below_the_buttons(laid)
+        laid["hide-grid"].click()
+        camera.still()
+        differ = np.abs(shown - below_the_buttons(laid)).max(axis=2) > 4
+        laid["hide-grid"].click()
+        lines = np.flatnonzero(differ.mean(axis=0) > 0.3)
+        box = laid["scene"].bounding_box()
+        middle = np.zeros(3)
+        way = np.eye(3)["xyz".index(right)]
+        start, end = (camera.pixel(middle + length * way)[0] - box["x"] for length in (0.0, 1.0))
+        places = 1e3 * (lines + 0.5 - start) / (end - start)
+        off = np.abs(places - spacing * np.round(places / spacing))
+        assert len(lines) >= 4 and np.max(off) <= 1.5e3 / (end - start), (view, places)
+
+
+def test_nothing_veils_the_work_from_above(laid: Person) -> None:
+    laid["view-top"].click()
+    laid["view-fit"].click()
+    camera = Camera(laid)
+    shown = below_the_buttons(laid)
+    laid["hide-machine"].click()
+    camera.still()
+    hidden = below_the_buttons(laid)
+    laid["hide-machine"].click()
+    assert len(shown) > 200
+    # The background is dithered.
+    np.testing.assert_allclose(shown, hidden, atol=1)
+
+
+def test_the_machine_is_left_out_in_motion_and_nothing_is_drawn_at_rest(laid: Person) -> None:
+    scene = laid["scene"]
+    laid["view-iso"].click()
+    laid["view-fit"].click()
+    camera = Camera(laid)
+    api.expect(scene).to_have_attribute("data-frame", "ghost")
+    laid["play"].click()
+    api.expect(scene).to_have_attribute("data-frame", "hidden")
+    laid["play"].click()
+    api.expect(scene).to_have_attribute("data-frame", "ghost")
+    camera.still()
+    frames = scene.get_attribute("data-frames")
+    laid.page.wait_for_timeout(3000)
+    assert scene.get_attribute("data-frames") == frames
+
+
+def test_keys_turn_move_and_zoom(laid: Person) -> None:
+    scene = laid["scene"]
+    laid["view-iso"].click()
+    laid["view-fit"].click()
+    camera = Camera(laid)
+    assert scene.get_attribute("aria-label")
+    scene.focus()
+    clock = laid.text("clock-time")
+    whole = camera.matrix()
+    place = np.zeros(3)
+
+    def after(key: str) -> tuple[Floats, Floats]:
+        """How a place moves on the page by a key, and the turn of what is seen."""
+        before, turned = np.array(camera.pixel(place)), np.array(list(triad(laid).values()))
+        laid.page.keyboard.press(key)
+        camera.still()
+        return np.array(camera.pixel(place)) - before, np.array(list(triad(laid).values())) - turned
+
+    for key in ("ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"):
+        _, turned = after(key)
+        assert np.max(np.abs(turned)) > 0.02, key
+    np.testing.assert_allclose(camera.matrix(), whole, atol=1e-6)
+    for key, (right, down) in {"Left": (-1, 0), "Right": (1, 0), "Up": (0, -1), "Down": (0, 1)}.items():
+        moved, turned = after(f"Shift+Arrow{key}")
+        np.testing.assert_allclose(turned, 0.0, atol=1e-6)
+        share = 0.05 * scene.bounding_box()["height"]
+        assert np.sign(np.round(moved / share)).tolist() == [right, down], (key, moved)
+    laid.page.keyboard.press("+")
+    camera.still()
+    assert not np.allclose(camera.matrix(), whole, atol=1e-3)
+    laid.page.keyboard.press("Home")
+    camera.still()
+    np.testing.assert_allclose(camera.matrix(), whole, atol=1e-6)
+    assert laid.text("clock-time") == clock
+    laid["help"].click()
+    laid.see("help-page", "turn the 3D view")
+    laid.page.keyboard.press("Escape")
 
 
 def rows_of(count: int) -> bytes:

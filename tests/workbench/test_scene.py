@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tapelayer.arrays import Floats
+from tapelayer.arrays import Floats, Ints
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import format_courses
 from tapelayer.geometry.mesh import Mesh
@@ -98,6 +98,11 @@ def sprayed(tmp_path_factory: pytest.TempPathFactory) -> SprayResult:
     return made
 
 
+def ends_of(drawn: Scene) -> Ints:
+    """Return the first row and those that end a block (n,)."""
+    return np.flatnonzero(np.diff(drawn.blocks["blocks"], append=-1))
+
+
 def test_rows_have_the_values_of_their_lines(laid: LayingResult, drawn: Scene) -> None:
     lines = laid.text.decode().splitlines()
     poses, names = drawn.rows("poses"), drawn.told("poses")["columns"]
@@ -105,8 +110,10 @@ def test_rows_have_the_values_of_their_lines(laid: LayingResult, drawn: Scene) -
         letter: names.index(next(n for n in names if n.startswith(f"{letter.lower()}_"))) for letter in "XYZCAUVDQE"
     }
     now = np.full(len(names), np.nan)
-    assert len(poses) == drawn.blocks["rows"] == len(laid.trajectory) + 1
-    for row, line in enumerate(drawn.blocks["lines"]):
+    assert len(poses) == drawn.blocks["rows"]
+    ends = ends_of(drawn)
+    assert len(ends) == len(laid.trajectory) + 1
+    for row, line in zip(ends, np.array(drawn.blocks["lines"])[ends], strict=True):
         for letter, value in re.findall(r"([A-Z])(-?\d+\.\d*)", lines[line - 1] if line else ""):
             if letter in letters:
                 now[letters[letter]] = float(value)
@@ -117,7 +124,12 @@ def test_rows_have_the_values_of_their_lines(laid: LayingResult, drawn: Scene) -
 
 
 def test_blocks_name_their_courses_kinds_and_events(laid: LayingResult, drawn: Scene) -> None:
-    blocks, found = drawn.blocks, laid.trajectory
+    assert [drawn.blocks["blocks"][row] for row in ends_of(drawn)] == list(range(len(laid.trajectory) + 1))
+    blocks, found, ends = dict(drawn.blocks), laid.trajectory, ends_of(drawn)
+    for name in ("lines", "courses", "kinds", "events"):
+        # What a block is, it is in all its rows.
+        assert np.repeat(np.array(blocks[name])[ends], np.diff(ends, prepend=-1)).tolist() == blocks[name]
+        blocks[name] = np.array(blocks[name])[ends].tolist()
     assert [len(blocks[name]) for name in ("lines", "courses", "kinds", "events")] == 4 * [len(found) + 1]
     assert [blocks["kind_names"][kind] for kind in blocks["kinds"]] == [
         "start",
@@ -149,16 +161,41 @@ def test_the_roller_stands_on_the_course_in_every_row_that_lays(laid: LayingResu
     assert np.sum(laying) > 100 and np.all(np.diff(times) >= 0.0)
 
 
+def test_what_is_drawn_is_where_the_control_is_at_every_time(laid: LayingResult, drawn: Scene) -> None:
+    moves, times = laid.trajectory, drawn.column("poses", "time_s")
+    ramped = np.flatnonzero(moves.clock.ramps > 0.0) if moves.clock else []
+    assert len(ramped) > 20 and len(times) > len(moves) + len(ramped)
+    moments = np.linspace(0.0, moves.duration, 20001)
+    blocks = np.minimum(np.searchsorted(moves.times, moments), len(moves) - 1)
+    there = moves.within(blocks, moves.fractions(blocks, moments))
+    rows = np.column_stack([np.interp(moments, times, column) for column in drawn.joints().T])
+    stated = np.isfinite(there) & np.isfinite(rows)
+    assert np.mean(stated) > 0.9
+    # Times are in single precision: so much may pass at the greatest speed.
+    slack = np.spacing(np.float32(moves.duration)) * np.nanmax(np.abs(np.diff(there, axis=0)), axis=0) / moments[1]
+    assert np.all(np.nanmax(np.where(stated, np.abs(rows - there), 0.0), axis=0) <= scene.TOLERANCE + slack + 1e-6)
+
+
 def test_speeds_are_those_of_the_report(laid: LayingResult, drawn: Scene) -> None:
     feeding = np.array(drawn.blocks["kinds"]) == Kind.LINEAR
-    spans = laid.trajectory.durations[feeding[1:]]
+    rows = scene.TrajectoryRows.of(laid.trajectory, laid.job.machine)
+    block = rows.block[feeding[1:]]
+    shares: dict[str, float] = {}
+    ways = np.abs(np.nan_to_num(laid.trajectory.positions - laid.trajectory.begins(np.arange(len(laid.trajectory)))))
     for axis in laid.evidence.axes:
         unit, scale = ("deg", 1 / DEG) if axis.revolute else ("mm", 1 / MM)
         speeds = np.abs(drawn.column("speeds", f"{axis.name}_{unit}_per_s")[feeding])
         # Verification takes one written digit off every way.
         digit = laid.job.controller.resolution(axis.name) * scale
-        top = np.max(speeds - digit / spans, initial=0.0)
-        assert top == pytest.approx(axis.top_speed * scale, rel=1e-5, abs=1e-6)
+        way = ways[block, laid.trajectory.column(axis.name)] * scale
+        top = np.max(speeds * (1.0 - np.minimum(digit / np.maximum(way, digit), 1.0)), initial=0.0)
+        if axis.top_speed > 0.0:
+            shares[axis.name] = top / (axis.top_speed * scale)
+        else:
+            assert top == 0.0
+    # A row has the mean of its speeds, which is less than their peak where nothing goes on at that.
+    assert 0.7 < min(shares.values()) and max(shares.values()) < 1.0 + 1e-4
+    assert sum(share > 1.0 - 1e-4 for share in shares.values()) > 4
     assert drawn.told("speeds")["rows"] == drawn.told("poses")["rows"]
 
 
@@ -183,7 +220,7 @@ def test_flat_tape_is_as_long_and_wide_as_it_is_laid(degrees: tuple[float, float
     made = made_of([replace(flat_course(length=length, heading=heading), cut_angles=tuple(alpha))], setup_of())
     drawn = scene_of(made)
     rows = drawn.rows("tape")
-    left, right = rows[:, 2:5] / 1e3 - ORIGIN - [0.5, 0.5, 0.0], rows[:, 5:] / 1e3 - ORIGIN - [0.5, 0.5, 0.0]
+    left, right = rows[:, 2:5] / 1e3 - ORIGIN - [0.5, 0.5, 0.0], rows[:, 5:8] / 1e3 - ORIGIN - [0.5, 0.5, 0.0]
     along, across = (
         np.array([math.sin(heading), math.cos(heading), 0]),
         np.array([-math.cos(heading), math.sin(heading), 0]),
@@ -195,6 +232,10 @@ def test_flat_tape_is_as_long_and_wide_as_it_is_laid(degrees: tuple[float, float
     assert area == pytest.approx(length * width / 1e3, rel=2e-4)
     assert np.max(np.abs(np.concatenate([left, right])[:, 2])) < 1e-6
     assert np.min(left @ across - right @ across) > -1e-6
+    # Both points of a pair are where the pair is said to be along the course, and the left one across it.
+    for side in (left, right):
+        np.testing.assert_allclose(side @ along, drawn.column("tape", "arc_length_mm") / 1e3, atol=1e-6)
+    np.testing.assert_allclose(left @ across, drawn.column("tape", "left_mm") / 1e3, atol=1e-6)
     assert np.max(np.abs(np.concatenate([left, right]) @ across)) == pytest.approx(width / 2e3, abs=1e-6)
     # Ends of the cuts on both edges: the line at the angle, through the centre line at the course's end.
     for angle, place, pick in ((alpha[0], 0.0, np.min), (alpha[1], length, np.max)):
@@ -237,6 +278,14 @@ def test_tape_lies_on_the_surface_and_appears_under_the_nip(laid: LayingResult, 
         assert np.max(np.linalg.norm(np.diff(middle, axis=0), axis=1)) < 0.026
 
 
+def test_points_are_the_file_s(laid: LayingResult, drawn: Scene) -> None:
+    for course in laid.job.courses:
+        own = drawn.column("points", "course") == course.number
+        told = drawn.column("points", "arc_length_mm")[own] / 1e3
+        np.testing.assert_allclose(told, course.arc_lengths - course.arc_lengths[0], atol=1e-6)
+    assert drawn.told("points")["rows"] == sum(len(course.points) for course in laid.job.courses)
+
+
 def test_what_is_left_out_of_the_tape_is_near_to_straight_lines() -> None:
     rng = np.random.default_rng(5)
     places = np.linspace(0.0, 1.0, 201)
@@ -260,7 +309,7 @@ def test_circles_are_divided_as_far_as_they_have_to_be(radii: tuple[float, float
     on_arc = found.within(np.ones(len(dense), dtype=np.int64), dense)
     straight = np.column_stack([np.interp(1.0 + 3.0 * dense, times, rows[:, axis]) for axis in range(3)])
     off = np.max(np.linalg.norm(on_arc - straight, axis=1))
-    assert scene.ARC_TOLERANCE / 3 < off <= scene.ARC_TOLERANCE
+    assert scene.TOLERANCE / 3 < off <= scene.TOLERANCE
     np.testing.assert_array_equal(rows[-1], [*end, 0.2])
     np.testing.assert_allclose(np.diff(times[2:]), 3.0 / (len(times) - 3 + 1), rtol=1e-9)
     blocks = path.blocks(np.array([9]))
@@ -380,11 +429,17 @@ def test_a_relative_coat_says_so_and_is_thinned_evenly(sprayed: SprayResult, mon
     assert np.max(np.min(away, axis=0)) < 2 * math.sqrt(300 * 120 / 200)
 
 
+def test_a_sprayed_program_is_one_of_passes(sprayed: SprayResult) -> None:
+    text, passes = sprayed.text.decode(), len(sprayed.job.pass_plan.passes)
+    titles = [line for line in text.splitlines() if line.startswith("(pass ")]
+    assert titles == [f"(pass {number} of {passes})" for number in range(1, passes + 1)]
+    assert "course" not in text
+
+
 def test_a_spray_scene_has_its_passes_and_part(sprayed: SprayResult) -> None:
     drawn = scene_of(sprayed)
-    assert sorted(drawn.files) == sorted(
-        ["blocks.json", *(f"{n}.{e}" for n in ("poses", "speeds", "errors", "part", "coat") for e in ("f32", "json"))]
-    )
+    names = ("poses", "speeds", "errors", "points", "part", "coat")
+    assert set(drawn.files) == {"blocks.json", *(f"{name}.{end}" for name in names for end in ("f32", "json"))}
     assert drawn.told("poses")["columns"] == ["time_s", "x_mm", "y_mm", "z_mm", "theta_deg", "phi_deg"]
     passes = len(sprayed.job.pass_plan.passes)
     assert set(drawn.column("errors", "pass")) == set(range(1, passes + 1)) == set(drawn.blocks["courses"]) - {0}
@@ -395,6 +450,8 @@ def test_a_spray_scene_has_its_passes_and_part(sprayed: SprayResult) -> None:
     counted = drawn.column("errors", "beside_crease") == 0.0
     lean = np.nanmax(drawn.column("errors", "deviation_deg")[counted])
     assert lean == pytest.approx(report["max_deviation_deg"], rel=1e-6)
+    lengths = [one.path.arc_lengths for one in sprayed.job.pass_plan.passes]
+    np.testing.assert_allclose(drawn.column("points", "arc_length_mm") / 1e3, np.concatenate(lengths), atol=1e-6)
     corners = drawn.rows("part") / 1e3
     np.testing.assert_allclose(
         np.sort(corners, axis=0),

@@ -78,3 +78,30 @@ def test_every_answer_is_documented(api: BaseSchema) -> None:
         validated()
         asked.add(operation.label)
     assert {"POST /api/v1/jobs", "GET /api/v1/jobs/{id}/poses", "POST /api/v1/verify", "POST /api/v1/inverse"} <= asked
+
+
+def test_every_file_is_of_the_type_that_is_documented(api: BaseSchema) -> None:
+    """What made-up names do not find: each example, each machine, and what came along with a job."""
+    base = str(api.location).removesuffix("/openapi.json")
+    with Client(base_url=base, timeout=60) as client:
+        examples = [example["name"] for example in client.get("/api/v1/examples").json()["examples"]]
+        machines = [machine["name"] for machine in client.get("/api/v1/machines").json()["machines"]]
+        sheet = (ROOT / "examples" / "curved_panel.stl").read_bytes()
+        parts = {"notes.txt": b"mine"}
+        laid = client.submit("panel.txt", FLAT, mould=sheet, parts=parts).json()["id"]
+        client.ended(laid)
+    given = {
+        "/api/v1/examples/{name}": [{"name": name} for name in examples],
+        "/api/v1/machines/{name}/urdf": [{"name": name} for name in machines],
+        "/api/v1/jobs/{id}/parts/{name}": [{"id": laid, "name": name} for name in parts],
+        **{f"/api/v1/jobs/{{id}}/{name}": [{"id": laid}] for name in ("source", "mould", "setup", "limits")},
+        "/api/v1/jobs/{id}": [{"id": laid}],
+    }
+    types = {}
+    for path, values in given.items():
+        operation = api[path]["GET"]
+        for parameters in values:
+            answer = operation.Case(path_parameters=parameters).call_and_validate()
+            assert answer.status_code == 200, (path, parameters)
+            types[path, *parameters.values()] = answer.headers["content-type"][0].partition(";")[0]
+    assert {types["/api/v1/examples/{name}", name] for name in examples} == {"text/plain", "model/stl"}

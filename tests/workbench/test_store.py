@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import resource
@@ -17,7 +18,8 @@ import pytest
 from tapelayer.errors import WorkDirectoryRefused
 from tapelayer.workbench import store as store_module
 from tapelayer.workbench.problems import Problem
-from tapelayer.workbench.store import Record, Store
+from tapelayer.workbench.record import Record
+from tapelayer.workbench.store import Store
 
 REQUEST = {"kind": "lay", "name": "铺层.txt", "parts": []}
 
@@ -55,7 +57,11 @@ def test_a_job_is_what_was_asked_for_with_its_files(store: Store) -> None:
     assert re.fullmatch(r"[0-9a-f]{32}", record.id)
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", record.created_at)
     made = record.created_at
-    assert record == Record(record.id, "ann", "lay", "铺层.txt", "queued", "", 0.0, made, None, REQUEST, None, None)
+    digest = hashlib.sha256(b"1\nstart\n").hexdigest()
+    moments = (made, None, None, None)
+    described = (digest, "", "")
+    state = ("queued", "", 0.0)
+    assert record == Record(record.id, "ann", "lay", "铺层.txt", *state, *moments, *described, REQUEST, None, None)
     assert store.get(record.id) == record
     assert json.loads((store.folder(record.id) / "request.json").read_text()) == REQUEST
     assert (store.folder(record.id) / "source").read_bytes() == b"1\nstart\n"
@@ -111,6 +117,91 @@ def test_delete_removes_row_and_folder(store: Store) -> None:
     assert folders(store, "trash") == set()
 
 
+def test_a_deleted_job_can_be_brought_back_until_it_expires(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    record, other, late = add(store), add(store), add(store)
+    done = store.finish(record.id, "done", {"blocks": 3}, None)
+    store.hide(record.id)
+    store.hide(late.id)
+    with pytest.raises(
+        Problem, match=f"^job {record.id} was deleted at 20.*Z; its owner can bring it back for a while$"
+    ):
+        store.get(record.id)
+    assert store.of_owner("ann") == [other]
+    assert [each.id for each in store.of_owner("ann", deleted=True)] == [late.id, record.id]
+    assert store.expire(30, 60) == 0
+    assert store.restore(record.id) == store.get(record.id) == done
+    assert store.expire(30, -1) == 1
+    assert store.of_owner("ann") == [other, done]
+    with pytest.raises(Problem, match="there is no job"):
+        store.restore(late.id)
+    assert folders(store, "jobs") == {record.id, other.id}
+
+
+def test_a_deleted_job_stays_deleted_over_a_restart(tmp_path: Path) -> None:
+    first = Store(tmp_path)
+    record = add(first)
+    first.hide(record.id)
+    first.close()
+    second = Store(tmp_path)
+    assert second.recover() == []
+    assert second.restore(record.id) == record
+    second.close()
+
+
+def test_a_job_is_described(store: Store) -> None:
+    record = add(store)
+    described = store.describe(record.id, "left wing", "first with the new tape\nsecond line")
+    assert (described.title, described.note, described.name) == (
+        "left wing",
+        "first with the new tape\nsecond line",
+        record.name,
+    )
+    assert store.get(record.id) == described
+
+
+def test_how_long_a_job_ran(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    record = add(store)
+    monkeypatch.setattr(store_module, "_now", lambda: "2020-01-01T00:00:59.500Z")
+    assert store.begin(record.id).run_s is None
+    monkeypatch.setattr(store_module, "_now", lambda: "2020-01-01T01:01:00.750Z")
+    assert store.finish(record.id, "done", None, None).run_s == 3601.25
+    assert store.finish(add(store).id, "cancelled", None, None).run_s is None
+
+
+# The index as version 0.1.0 made it.
+SCHEMA_1 = """
+CREATE TABLE jobs (
+    number INTEGER PRIMARY KEY AUTOINCREMENT, id TEXT NOT NULL UNIQUE, owner TEXT NOT NULL, kind TEXT NOT NULL,
+    name TEXT NOT NULL,
+    state TEXT NOT NULL CHECK (state IN ('queued', 'running', 'done', 'failed', 'cancelled')),
+    stage TEXT NOT NULL, progress REAL NOT NULL, created_at TEXT NOT NULL, finished_at TEXT, request TEXT NOT NULL,
+    summary TEXT, error TEXT
+) STRICT;
+PRAGMA user_version = 1;
+"""
+
+
+def test_an_older_index_is_brought_up_to_date(tmp_path: Path) -> None:
+    Store(tmp_path).close()
+    (tmp_path / "index.sqlite").unlink()
+    index = sqlite3.connect(tmp_path / "index.sqlite")
+    index.executescript(SCHEMA_1)
+    job = "ab" * 16
+    values = (job, "ann", "lay", "a.txt", "done", "saving", 1.0, "2020-01-01T00:00:00.000Z", None, "{}", "{}", None)
+    index.execute(f"INSERT INTO jobs VALUES (7, {', '.join('?' * len(values))})", values)
+    index.commit()
+    index.close()
+    (tmp_path / "jobs" / job).mkdir()
+    (tmp_path / "jobs" / job / "source").write_bytes(b"1\nstart\n")
+    for _ in range(2):
+        store = Store(tmp_path)
+        assert store.recover() == []
+        (record,) = store.of_owner("ann")
+        assert (record.id, record.title, record.note, record.started_at, record.deleted_at) == (job, "", "", None, None)
+        assert record.source_sha256 == hashlib.sha256(b"1\nstart\n").hexdigest()
+        store.close()
+
+
 def test_a_job_without_a_folder_can_be_deleted(store: Store) -> None:
     record = add(store)
     store.folder(record.id).rename(store.work / "elsewhere")
@@ -158,7 +249,7 @@ def test_jobs_expire_by_the_day_they_ended(store: Store, monkeypatch: pytest.Mon
     store.finish(old.id, "failed", None, {"code": "cuts-cross"})
     monkeypatch.undo()
     store.finish(recent.id, "done", {}, None)
-    assert store.expire(30) == 1
+    assert store.expire(30, 60) == 1
     assert store.of_owner("ann") == [queued, store.get(recent.id)]
     assert folders(store, "jobs") == {queued.id, recent.id}
 
@@ -218,7 +309,7 @@ def test_an_index_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     newer = sqlite3.connect(index)
     newer.execute("PRAGMA user_version = 7")
     newer.close()
-    with pytest.raises(WorkDirectoryRefused, match="its index has schema 7, this version reads 1; give"):
+    with pytest.raises(WorkDirectoryRefused, match="its index has schema 7, this version reads up to 2; give"):
         Store(tmp_path)
     index.unlink()
     Store(tmp_path).close()

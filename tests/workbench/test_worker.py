@@ -25,7 +25,7 @@ from tapelayer.setups.sections import parse_setup
 from tapelayer.spraying.job import SprayJob
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench.store import PAGES
-from tapelayer.workbench.worker import Stages
+from tapelayer.workbench.worker import WATERMARK, Stages
 from tests.helpers.kinds import MOMENT
 from tests.helpers.panels import flat, sheet, write_stl
 from tests.helpers.paths import EXAMPLES, ROOT
@@ -33,7 +33,7 @@ from urdf import TAPELAYER
 
 COURSES = EXAMPLES / "flat_panel_00.txt"
 PLENTY = 8 * 2**30
-TABLES = ("poses", "speeds", "errors")
+TABLES = ("poses", "speeds", "errors", "points")
 
 
 def ask(folder: Path, request: Mapping[str, Any], source: bytes, setup: str = "") -> Path:
@@ -183,6 +183,25 @@ def test_a_program_that_fails_is_withheld_with_everything_else_there(tmp_path: P
     assert "program.nc" not in out
     assert {"report.json", "report.html", "poses.f32", "blocks.json", "setup.toml"} <= set(out)
     assert json.loads(out["report.json"])["failures"][0]["what"] == "position_error_mm"
+    # Its lines can be read, as JSON that says what they are; the drawn motion has their numbers.
+    withheld, blocks = json.loads(out["withheld.json"]), json.loads(out["blocks.json"])
+    assert withheld["withheld"] == WATERMARK and any("X" in line for line in withheld["lines"])
+    assert 0 < max(blocks["lines"]) <= len(withheld["lines"])
+    assert not any(data.startswith(b"%") for data in out.values())
+
+
+def test_the_lines_of_a_failed_plan_are_those_of_its_program(tmp_path: Path) -> None:
+    """A limit between the plan's and nothing changes the verdict alone."""
+    source = COURSES.with_name("cylinder_panel_15.txt").read_bytes()
+    passed, failed = (tmp_path / name for name in ("passed", "failed"))
+    carry_out(lay(passed, source))
+    carry_out(lay(failed, source, "[verification]\nmax_position_error_mm = 0.001\n"))
+    lines = json.loads(made(failed)["withheld.json"])["lines"]
+    text = made(passed)["program.nc"].decode().splitlines()
+    assert len(lines) == len(text)
+    assert [line for line in lines if "sha256" not in line] == [line for line in text if "sha256" not in line]
+    assert json.loads(made(failed)["blocks.json"]) == json.loads(made(passed)["blocks.json"])
+    assert "withheld.json" not in made(passed)
 
 
 def test_a_refused_file_is_its_own_sentences(tmp_path: Path) -> None:
@@ -211,7 +230,7 @@ def test_a_setup_names_files_that_came_with_it(tmp_path: Path) -> None:
     [
         (
             ('upper="2.5"', 'upper="2,5"'),
-            ":57: joint 'x': <limit> upper is '2,5', expected a number",
+            ":58: joint 'x': <limit> upper is '2,5', expected a number",
         ),
         (
             ('type="revolute"', 'type="continuous"'),

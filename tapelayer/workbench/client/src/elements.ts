@@ -52,6 +52,13 @@ export function say(element: HTMLElement, key: string): void {
   translate(element);
 }
 
+/** Changes the key of an element's name and title. */
+export function title(element: HTMLElement, key: string): void {
+  element.dataset["tTitle"] = key;
+  element.dataset["tLabel"] = key;
+  translate(element);
+}
+
 /** A modal dialog with a heading. */
 export function modal(testid: string, heading: string, ...children: (Node | string)[]): HTMLDialogElement {
   const title = h("h2", { t: heading, id: `${testid}-heading` });

@@ -39,6 +39,7 @@ const help = createHelp();
 
 const badge = h("div", { class: "badge-place" });
 const shown = h("output", { testid: "job-name", class: "job-name" });
+const loading = h("output", { testid: "loading", class: "loading" });
 const downloads = h("nav", { class: "downloads", tLabel: "downloads" });
 const language = h("select", { testid: "language", tLabel: "language" });
 const theme = h("select", { testid: "theme", tLabel: "theme" });
@@ -52,9 +53,11 @@ const settings = h("div", { class: "settings" }, language, theme);
 layout.header.append(
   h("h1", {}, "tapelayer"),
   shown,
+  loading,
   badge,
   downloads,
   h("button", { type: "button", testid: "clear", t: "clear", tTitle: "clear.about", onclick: () => clear() }),
+  layout.folds,
   h("button", { type: "button", testid: "help", t: "help", onclick: () => help.showModal() }),
   settings,
 );
@@ -98,6 +101,7 @@ layout.left.append(
 );
 document.title = t("page.title");
 
+load(fromAddress() ?? "");
 const signedIn = startSession(session, settings);
 const started = start().catch(notice.report);
 const furnished = furnish();
@@ -122,10 +126,15 @@ async function furnish(): Promise<void> {
   ];
   idle = (kind) => scene.idle(kind);
   startShortcuts(clock, {
-    search: () => program.openSearch(),
+    search() {
+      layout.reveal("program");
+      program.openSearch();
+    },
     generate: () => void generate(),
     help: () => help.showModal(),
     tab: layout.showTab,
+    fold: layout.fold,
+    fill: layout.fill,
   });
   addEventListener("hashchange", () => {
     const id = fromAddress();
@@ -233,10 +242,14 @@ async function generate(): Promise<void> {
   if (running.busy) return;
   if (!input.source) {
     notice.show({ type: "", title: "", status: 0, code: "no-file", detail: t("problem.no-file.detail") });
+    layout.reveal("left");
     input.askForFile();
     return;
   }
-  if (!form.check()) return;
+  if (!form.check()) {
+    layout.reveal("left");
+    return;
+  }
   notice.clear();
   try {
     sent = now();
@@ -282,6 +295,7 @@ async function show(job: Job): Promise<void> {
 /** Shows a job with its file and its parameters, and follows it if it has not ended. */
 async function open(id: string): Promise<void> {
   current = id;
+  load(id);
   running.leave();
   notice.clear();
   try {
@@ -298,10 +312,20 @@ async function open(id: string): Promise<void> {
     await form.show(job.kind);
     form.write(setup);
     sent = now();
+    if (api.underWay(job)) load("");
     await ended(api.underWay(job) ? await running.follow(job) : job);
   } catch (error) {
+    if (id === current && error instanceof api.Refused && error.problem.code === "not-found") current = null;
     notice.report(error);
+  } finally {
+    if (id === current || !current) load("");
   }
+}
+
+/** Says that a job is loaded; an empty id that none is. */
+function load(id: string): void {
+  loading.textContent = id && t("loading", { id: id.slice(0, 8) });
+  app.setAttribute("aria-busy", String(id !== ""));
 }
 
 function fileName({ name }: Job, what: (typeof DOWNLOADS)[number]): string {
@@ -324,7 +348,9 @@ function drawHeader(loaded: Made | null): void {
     const href = loaded.url(what) + queries[what];
     return h("a", { href, download: fileName(loaded.job, what), testid, class: "button", ...texts });
   });
-  downloads.replaceChildren(...links);
+  const about = { title: `${t("report.look")} · ${of}`, "aria-label": t("report.look") };
+  const look = h("a", { href: loaded.url("report.html"), target: "_blank", testid: "look-at-report", class: "button", ...about }, "↗");
+  downloads.replaceChildren(look, ...links);
 }
 
 function clear(): void {
@@ -352,5 +378,5 @@ function retranslate(next: Language): void {
 }
 
 function fromAddress(): string | undefined {
-  return /^#job=([0-9a-f]{32})$/.exec(location.hash)?.[1];
+  return /^#job=(.+)$/.exec(location.hash)?.[1];
 }

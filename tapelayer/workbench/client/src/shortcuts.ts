@@ -1,10 +1,13 @@
 import type { Clock } from "./data/types";
+import type { Foldable } from "./panels/layout";
 
 export interface Actions {
   search(): void;
   generate(): void;
   help(): void;
   tab(name: string): void;
+  fold(name: Foldable): void;
+  fill(): void;
 }
 
 const TABS: Record<string, string> = { 1: "verdict", 2: "plots", 3: "ledger", 4: "jobs" };
@@ -22,6 +25,10 @@ export function startShortcuts(clock: Clock, actions: Actions): void {
     Home: () => clock.seekTime(0),
     End: () => clock.seekTime(clock.duration),
     "?": () => actions.help(),
+    i: () => actions.fold("left"),
+    n: () => actions.fold("program"),
+    t: () => actions.fold("dock"),
+    m: () => actions.fill(),
   };
   addEventListener("keydown", (event) => {
     if (event.defaultPrevented || document.querySelector("dialog[open]")) return;
@@ -39,7 +46,7 @@ export function startShortcuts(clock: Clock, actions: Actions): void {
     // The space bar activates a focused button, link or collapsible heading.
     if (event.key === " " && target.closest("button, a, summary, label, input")) return;
     const tab = TABS[event.key];
-    const action = tab ? () => actions.tab(tab) : plain[event.key];
+    const action = tab ? () => actions.tab(tab) : (plain[event.key] ?? plain[event.key.toLowerCase()]);
     if (!action) return;
     event.preventDefault();
     action(event);

@@ -1,5 +1,5 @@
 import { KINDS } from "./kinds";
-import type { Blocks, Job, Kind, KindTold, Limit, Made, Problem, Report, SetupValues, Table, TableName } from "./types";
+import type { Blocks, Comparison, Job, Kind, KindTold, Limit, Made, Problem, Report, SetupValues, Table, TableName } from "./types";
 
 const ROOT = "/api/v1";
 
@@ -202,8 +202,17 @@ export async function jobs(): Promise<Job[]> {
   return (await askJson<{ jobs: Job[] }>("/jobs")).jobs;
 }
 
-export const job = (id: string): Promise<Job> => askJson(`/jobs/${id}`);
+export const job = (id: string): Promise<Job> => askJson(`/jobs/${encodeURIComponent(id)}`);
+export const restoreJob = (id: string): Promise<Job> => askJson(`/jobs/${id}/restore`, { method: "POST" });
+export const compareJobs = (a: string, b: string): Promise<Comparison> => askJson(`/jobs/compare?a=${a}&b=${b}`);
 export const cancelJob = (id: string): Promise<Response> => ask(`/jobs/${id}/cancel`, { method: "POST" });
+
+/** Changes the note of a job. */
+export function noteJob(id: string, note: string): Promise<Job> {
+  const init = { method: "PATCH", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ note }) };
+  return askJson(`/jobs/${id}`, init);
+}
+
 export const deleteJob = (id: string): Promise<Response> => ask(`/jobs/${id}`, { method: "DELETE" });
 
 export async function parseSetup(kind: Kind, toml: string): Promise<SetupValues> {
@@ -290,7 +299,7 @@ export async function jobSetup({ id, kind }: Job): Promise<SetupValues> {
 export async function load(made: Job): Promise<Made> {
   const path = `/jobs/${made.id}`;
   const { kind } = made;
-  const [report, poses, blocks, changed, schema, told, { limits }, program] = await Promise.all([
+  const [report, poses, blocks, changed, schema, told, { limits }, program, withheld] = await Promise.all([
     askJson<Report>(`${path}/report.json`),
     table(made.id, "poses"),
     askJson<Blocks>(`${path}/blocks`),
@@ -300,6 +309,7 @@ export async function load(made: Job): Promise<Made> {
     askJson<{ limits: Record<string, Limit> }>(`${path}/limits`),
     // The server withholds a program that was judged bad.
     made.results.includes("program") ? ask(`${path}/program`).then((response) => response.text()) : null,
+    made.results.includes("withheld") ? askJson<{ lines: string[] }>(`${path}/withheld`) : null,
   ]);
   const tables = new Map<TableName, Promise<Table | null>>([["poses", Promise.resolve(poses)]]);
   const { quantities, not_judged: notJudged = [] } = told.find((each) => each.kind === kind)!;
@@ -314,7 +324,7 @@ export async function load(made: Job): Promise<Made> {
     quantities,
     notJudged,
     limits,
-    program,
+    program: program ?? withheld?.lines.join("\n") ?? null,
     url: (what) => `${ROOT}${path}/${what}`,
     table(name) {
       const found = tables.get(name) ?? (made.results.includes(name) ? table(made.id, name) : Promise.resolve(null));

@@ -1,4 +1,4 @@
-import { currentLanguage } from "../i18n";
+import { currentLanguage, t } from "../i18n";
 import type { Failure, Made, Quantity, Translate, Words } from "./types";
 
 /** A text in the page's language. */
@@ -28,9 +28,22 @@ export function plain(value: number): string {
 /** The unit for display. */
 const written = (unit: string): string => unit.replace("m2", "m²");
 
+const MINUTE = 60;
+const HOUR = 3600;
+
+/** A duration in hours, minutes and seconds, from the largest of them that it has. */
+export function lasting(seconds: number, digits: number): string {
+  // Rounded first, so that no minute has sixty seconds; beside hours nobody reads parts of a second.
+  const decimals = seconds < HOUR ? digits : 0;
+  const whole = Number(seconds.toFixed(decimals));
+  const [h, m] = [Math.floor(whole / HOUR), Math.floor((whole % HOUR) / MINUTE)];
+  return t(h ? "duration.hours" : m ? "duration.minutes" : "duration.seconds", { h, m, s: fixed(whole % MINUTE, decimals) });
+}
+
 /** A quantity of the report with its unit, or why it has no value. */
 export function shown(value: unknown, { absent, digits, style, unit }: Quantity): string {
   if (typeof value !== "number") return inWords(absent);
+  if (unit === "s" && style === "fixed") return lasting(value, digits);
   return `${fixed(value, style === "power" ? POWER : digits)} ${written(unit)}`.trimEnd();
 }
 

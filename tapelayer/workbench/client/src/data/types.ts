@@ -53,9 +53,15 @@ export interface Job {
   id: string;
   kind: Kind;
   name: string;
+  /** Of the uploaded file; empty where it is not known. */
+  source_sha256: string;
+  title: string;
+  note: string;
   state: State;
   progress: number;
   stage: string;
+  /** In the queue, from 1; null where the job does not wait. */
+  place: number | null;
   created_at: string;
   summary: Summary | null;
   error: Problem | null;
@@ -63,6 +69,14 @@ export interface Job {
   sent: { unit: string; mould: string; parts: string[] };
   mine: boolean;
   owner_key?: string;
+}
+
+/** What differs between two jobs of one kind. */
+export interface Comparison {
+  kind: Kind;
+  quantities: { key: string; a: number | null; b: number | null }[];
+  setup: { section: string; key: string; a: unknown; b: unknown }[];
+  files: { file: string; a: string; b: string }[];
 }
 
 export interface Table {
@@ -76,10 +90,12 @@ export interface Table {
   column(column: string): Float32Array;
 }
 
-export type TableName = "poses" | "speeds" | "errors" | "tape" | "part" | "coat";
+export type TableName = "poses" | "speeds" | "errors" | "points" | "tape" | "part" | "coat";
 
 export interface Blocks {
   rows: number;
+  /** Numbers from 1, a block each; 0 is the start. */
+  blocks: number[];
   lines: number[];
   courses: number[];
   kinds: number[];
@@ -158,6 +174,7 @@ export interface Made {
   quantities: Quantity[];
   /** Limits of the setup by the key of the quantity. */
   limits: Record<string, Limit>;
+  /** Text of the program, to be read only where it failed; null where it could not even be written. */
   program: string | null;
   url(what: "program" | "report.json" | "report.html" | "trajectory" | "setup" | "source" | "urdf"): string;
   table(name: TableName): Promise<Table | null>;

@@ -47,6 +47,8 @@ export interface Around {
   zoom(low: number, high: number): void;
   reset(): void;
   now(): number;
+  /** Shows one chart alone, or all of them again. */
+  enlarge(name: string): void;
 }
 
 export const colour = (name: string): string => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -80,17 +82,22 @@ export class ChartView {
   constructor(
     private readonly chart: Chart,
     private readonly around: Around,
+    alone: boolean,
   ) {
     const { curves, heading, name, unit } = chart;
+    const about = t(alone ? "plots.all" : "plots.enlarge", { name: heading });
+    const pressed = { "aria-pressed": String(alone), "aria-label": about, title: about };
+    const press = (): void => around.enlarge(alone ? "" : name);
+    const enlarge = h("button", { type: "button", class: "quiet", testid: `enlarge-${name}`, onclick: press, ...pressed }, alone ? "⤡" : "⤢");
     this.told = curves.map(() => h("output", {}));
     const names = curves.map((curve, index) => {
       const swatch = h("i", { class: "swatch", "aria-hidden": "true" });
       swatch.style.background = `var(${curve.colour})`;
       return h("span", {}, ...(curves.length > 1 ? [swatch] : []), `${curve.name} `, this.told[index]!);
     });
-    const title = h("h3", {}, ...names, h("small", {}, unit));
+    const title = h("h3", {}, ...names, h("small", {}, unit), enlarge);
     const frame = h("div", { class: "plot-frame" });
-    this.element = h("figure", { class: "plot", testid: `plot-${name}`, role: "group", "aria-label": `${heading} ${unit}` }, title, frame);
+    this.element = h("figure", { class: alone ? "plot wide" : "plot", testid: `plot-${name}`, role: "group", "aria-label": `${heading} ${unit}` }, title, frame);
     this.plot = new uPlot(this.options(), [[], ...curves.map(() => [])] as uPlot.AlignedData, frame);
     this.plot.over.append(this.beyond, this.now);
     this.listen();
@@ -239,7 +246,8 @@ export class ChartView {
       if (end < low || begin > high) continue;
       const left = plot.valToPos(Math.max(begin, low), "x", true);
       const right = plot.valToPos(Math.min(end, high), "x", true);
-      ctx.fillRect(left, bbox.top, Math.max(right - left, 1), bbox.height);
+      // Many that are thinner than a pixel shade it by their share of it.
+      ctx.fillRect(left, bbox.top, right - left, bbox.height);
     }
     ctx.restore();
   }

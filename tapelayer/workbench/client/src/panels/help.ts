@@ -18,9 +18,26 @@ const KEYS: [keys: string, key: string][] = [
   ["Ctrl F", "search"],
   ["Ctrl Enter", "generate"],
   ["1 2 3 4", "tabs"],
+  ["I N T", "fold"],
+  ["M", "fill"],
   ["?", "help"],
   ["Esc", "close"],
 ];
+
+// In the 3D view, while it has the focus.
+const VIEW_KEYS: [keys: string, key: string][] = [
+  ["← → ↑ ↓", "turn"],
+  ["Shift ← → ↑ ↓", "move"],
+  ["+ −", "zoom"],
+  ["Home", "whole"],
+];
+const MOUSE = ["turn", "move", "zoom", "pick"];
+
+function keyRows(keys: [keys: string, key: string][]): HTMLElement[] {
+  return keys.map(([names, key]) =>
+    h("tr", {}, h("th", { scope: "row" }, ...names.split(" ").map((name) => h("kbd", {}, name))), h("td", { t: `keys.${key}` })),
+  );
+}
 
 function words(names: string[], key: string): HTMLElement {
   const rows = names.map((name) => h("tr", {}, h("th", { scope: "row" }, name), h("td", { t: `${key}.${name}` })));
@@ -35,8 +52,8 @@ function axesDrawing(): HTMLElement {
 /** The help dialog: a short guide, the axes, the program's words and the keys. */
 export function createHelp(): HTMLDialogElement {
   const steps = STEPS.map((step) => h("li", { t: `help.step.${step}` }));
-  const keys = KEYS.map(([names, key]) =>
-    h("tr", {}, h("th", { scope: "row" }, ...names.split(" ").map((name) => h("kbd", {}, name))), h("td", { t: `keys.${key}` })),
+  const mouse = MOUSE.map((what) =>
+    h("tr", {}, h("th", { scope: "row", t: `mouse.${what}` }), h("td", { t: `mouse.${what}.does` })),
   );
   const element = dialog(
     "help-page",
@@ -63,7 +80,13 @@ export function createHelp(): HTMLDialogElement {
         words(SPRAY_WORDS, "word"),
       ),
     ),
-    h("section", {}, h("h3", { t: "help.keys" }), h("table", { class: "words keys" }, h("tbody", {}, ...keys))),
+    h("section", {}, h("h3", { t: "help.keys" }), h("table", { class: "words keys" }, h("tbody", {}, ...keyRows(KEYS)))),
+    h(
+      "section",
+      {},
+      h("h3", { t: "help.view" }),
+      h("table", { class: "words keys" }, h("tbody", {}, ...mouse, ...keyRows(VIEW_KEYS))),
+    ),
     h("p", {}, h("a", { href: "/docs", target: "_blank", t: "help.api" })),
   );
   translateAll(element);

@@ -129,6 +129,7 @@ export function createImport(
 
   const draw = (): void => {
     fileName.textContent = source?.name ?? t("import.none");
+    fileName.title = source?.name ?? "";
     fileName.classList.toggle("none", !source);
     const removable = [
       ...(mould ? [chip(mould.name, "import.mould", () => (mould = null))] : []),

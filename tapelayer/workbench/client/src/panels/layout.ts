@@ -1,4 +1,5 @@
-import { h } from "../elements";
+import "./layout.css";
+import { h, title } from "../elements";
 import { remember, remembered } from "../data/state";
 
 export interface Layout {
@@ -8,10 +9,24 @@ export interface Layout {
   scene: HTMLElement;
   player: HTMLElement;
   program: HTMLElement;
+  /** The buttons that fold panes away. */
+  folds: HTMLElement;
   tab(name: string): HTMLElement;
   showTab(name: string): void;
   onTab(listener: (name: string) => void): void;
+  /** Folds a pane away, or unfolds it. */
+  fold(name: Foldable): void;
+  /** Lets the pane that has the focus fill the window, else the machine; or undoes it. */
+  fill(): void;
+  /** Makes sure that a pane is on the page. */
+  reveal(name: Pane): void;
 }
+
+const FOLDABLE = ["left", "dock", "program"] as const;
+export type Foldable = (typeof FOLDABLE)[number];
+const FILLING = ["centre", "program", "dock"] as const;
+type Filling = (typeof FILLING)[number];
+export type Pane = Foldable | Filling;
 
 interface Size {
   name: "left" | "right" | "bottom";
@@ -87,10 +102,87 @@ function splitter(frame: HTMLElement, name: Size["name"]): HTMLElement {
   return bar;
 }
 
-function tabs(names: string[]): Pick<Layout, "tab" | "showTab" | "onTab"> & { element: HTMLElement } {
+/** Which panes are folded away and which one fills the window; both are remembered. */
+class Panes {
+  readonly folds: HTMLElement;
+  private readonly folded = new Set(remembered<Foldable[]>("folded", []));
+  private full = remembered<Filling | "">("full", "");
+  private readonly foldButtons = new Map<Foldable, HTMLElement>();
+  private readonly fillButtons = new Map<Filling, HTMLElement>();
+
+  constructor(private readonly root: HTMLElement) {
+    for (const name of FOLDABLE) {
+      const texts = { tLabel: `pane.${name}`, tTitle: `pane.${name}.about` };
+      const press = (): void => this.fold(name);
+      this.foldButtons.set(name, h("button", { type: "button", class: `fold fold-${name}`, testid: `fold-${name}`, onclick: press, ...texts }));
+    }
+    for (const name of FILLING) {
+      const press = (): void => this.fill(name);
+      this.fillButtons.set(name, h("button", { type: "button", class: "enlarge", testid: `fill-${name}`, onclick: press }));
+    }
+    this.folds = h("div", { class: "panes", role: "group", tLabel: "panes" }, ...this.foldButtons.values());
+    this.draw();
+  }
+
+  /** The button that lets a pane fill the window. */
+  button(name: Filling): HTMLElement {
+    return this.fillButtons.get(name)!;
+  }
+
+  fold(name: Foldable): void {
+    // A pane that another one covers is asked for, not folded.
+    if (this.folded.has(name) || this.covered(name)) this.folded.delete(name);
+    else this.folded.add(name);
+    this.full = "";
+    this.draw();
+  }
+
+  fill(name: Filling): void {
+    this.full = this.full === name ? "" : name;
+    if (name !== "centre") this.folded.delete(name);
+    this.draw();
+    scrollTo(0, 0);
+  }
+
+  /** Lets the pane that has the focus fill the window, else the machine; or undoes it. */
+  fillFocused(): void {
+    const focused = FILLING.find((name) => this.button(name).closest(`.${name}`)?.contains(document.activeElement));
+    this.fill(this.full || (focused ?? "centre"));
+  }
+
+  reveal(name: Pane): void {
+    if (this.covered(name)) this.full = "";
+    this.folded.delete(name as Foldable);
+    this.draw();
+  }
+
+  private covered(name: Pane): boolean {
+    return this.full !== "" && this.full !== name;
+  }
+
+  private draw(): void {
+    const { folded, full, root } = this;
+    root.dataset["folded"] = [...folded].join(" ");
+    if (full) root.dataset["full"] = full;
+    else delete root.dataset["full"];
+    for (const [name, button] of this.foldButtons) {
+      button.setAttribute("aria-pressed", String(!folded.has(name) && !this.covered(name)));
+    }
+    for (const [name, button] of this.fillButtons) {
+      const filling = name === full;
+      button.textContent = filling ? "⤡" : "⤢";
+      button.setAttribute("aria-pressed", String(filling));
+      title(button, filling ? "pane.restore" : "pane.fill");
+    }
+    remember("folded", [...folded]);
+    remember("full", full);
+  }
+}
+
+function tabs(names: string[], beside: HTMLElement): Pick<Layout, "tab" | "showTab" | "onTab"> & { element: HTMLElement } {
   const listeners: ((name: string) => void)[] = [];
   const list = h("div", { role: "tablist", tLabel: "tabs" });
-  const element = h("section", { class: "dock", tLabel: "tabs" }, list);
+  const element = h("section", { class: "dock", tLabel: "tabs" }, h("div", { class: "dock-head" }, list, beside));
   const buttons = new Map<string, HTMLElement>();
   const panels = new Map<string, HTMLElement>();
   const show = (name: string): void => {
@@ -132,17 +224,33 @@ function tabs(names: string[]): Pick<Layout, "tab" | "showTab" | "onTab"> & { el
 
 /** The page's frame: header, import and parameters, scene and transport, program, and the tabs below. */
 export function createLayout(root: HTMLElement): Layout {
-  const { element: dock, ...tabbed } = tabs(["verdict", "plots", "ledger", "jobs"]);
-  const part = (tag: "header" | "aside" | "main" | "section" | "div", name: string, label?: string): HTMLElement =>
-    h(tag, { class: name, ...(label ? { tLabel: label } : {}) });
-  const header = part("header", "top");
-  const left = part("aside", "left", "region.input");
+  const panes = new Panes(root);
+  const { element: dock, ...tabbed } = tabs(["verdict", "plots", "ledger", "jobs"], panes.button("dock"));
+  const header = h("header", { class: "top" });
   const notice = h("div", { class: "notice", role: "alert" });
-  const scene = part("section", "scene", "region.scene");
-  const player = part("section", "player", "region.player");
-  const program = part("section", "program", "region.program");
-  const centre = h("main", { class: "centre" }, notice, scene, player);
-  root.append(header, left, splitter(root, "left"), centre, splitter(root, "right"), program);
-  root.append(splitter(root, "bottom"), dock);
-  return { header, left, notice, scene, player, program, ...tabbed };
+  const left = h("aside", { class: "left", tLabel: "region.input" }, splitter(root, "left"));
+  const scene = h("section", { class: "scene", tLabel: "region.scene" });
+  const player = h("section", { class: "player", tLabel: "region.player" });
+  const centre = h("main", { class: "centre" }, h("div", { class: "view" }, scene, panes.button("centre")), player);
+  const program = h("div", {});
+  const right = h("section", { class: "program", tLabel: "region.program" }, splitter(root, "right"), program, panes.button("program"));
+  dock.append(splitter(root, "bottom"));
+  root.append(header, notice, left, centre, right, dock);
+  return {
+    header,
+    left,
+    notice,
+    scene,
+    player,
+    program,
+    folds: panes.folds,
+    ...tabbed,
+    showTab(name) {
+      panes.reveal("dock");
+      tabbed.showTab(name);
+    },
+    fold: (name) => panes.fold(name),
+    fill: () => panes.fillFocused(),
+    reveal: (name) => panes.reveal(name),
+  };
 }

@@ -49,7 +49,7 @@ export function createNotice(root: HTMLElement, parameters: Parameters): Notice 
       h(
         "div",
         { class: "problem", testid: "problem", tabindex: 0, "data-code": current.code },
-        h("header", {}, h("strong", {}, problemTitle(current)), code, close),
+        h("div", { class: "problem-head" }, h("strong", {}, problemTitle(current)), code, close),
         ...sentences(current, parameters),
         ...reference,
         ...(remaining ? [h("p", { class: "about former" }, t("problem.former", { name: remaining }))] : []),
@@ -61,6 +61,7 @@ export function createNotice(root: HTMLElement, parameters: Parameters): Notice 
     current = problem;
     remaining = former;
     draw();
+    root.firstElementChild!.scrollIntoView({ block: "nearest" });
   };
 
   const clear = (): void => {

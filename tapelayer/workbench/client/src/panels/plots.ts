@@ -136,6 +136,8 @@ class Plots implements Panel {
   private opened = 0;
   private frame = 0;
   private stale = false;
+  // The chart that is shown alone, by its name.
+  private alone = "";
   private readonly bar = h("div", { class: "plots-bar" });
   private readonly body = h("div", { class: "plots-body", tabindex: 0 });
   private readonly limits = h("input", { type: "checkbox", testid: "plots-limits", checked: true });
@@ -288,10 +290,21 @@ class Plots implements Panel {
       zoom: (low, high) => this.zoom(low, high),
       reset: () => this.zoom(...this.whole()),
       now: () => this.clock.time,
+      enlarge: (name) => void this.enlarge(name),
     };
-    this.charts = charts.map((chart) => new ChartView(chart, around));
-    this.body.replaceChildren(h("div", { class: "plots-grid" }, ...this.charts.map(({ element }) => element)));
+    const alone = charts.filter(({ name }) => name === this.alone);
+    this.charts = (alone.length ? alone : charts).map((chart) => new ChartView(chart, around, alone.length > 0));
+    const elements = this.charts.map(({ element }) => element);
+    this.body.replaceChildren(...(alone.length ? elements : [h("div", { class: "plots-grid" }, ...elements)]));
     this.draw();
+  }
+
+  /** Shows one chart alone, or all of them again; the focus stays on the chart's button. */
+  private async enlarge(name: string): Promise<void> {
+    const button = `enlarge-${name || this.alone}`;
+    this.alone = name;
+    await this.open();
+    this.body.querySelector<HTMLElement>(`[data-testid="${button}"]`)?.focus();
   }
 
   private close(): void {

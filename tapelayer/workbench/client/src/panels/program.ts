@@ -17,7 +17,6 @@ import { lowerBound } from "../views/motion";
 import { FIRST, KINDS } from "../data/kinds";
 import type { Blocks, Clock, CreatePanel, Made, ProgramPanel, Selection, Translate } from "../data/types";
 import { searching } from "./searching";
-import { failuresTable } from "./verdict";
 
 // The program follows a playing clock no more often than the eye can.
 const FOLLOW_MS = 120;
@@ -152,7 +151,7 @@ function stretchesOf({ courses, lines }: Blocks, text: string[]): Stretch[] {
   found.forEach((stretch, index) => {
     const before = found[index - 1]?.to ?? 0;
     for (let line = stretch.from - 1; line > before; line--) {
-      if (!/\bcourse\s+\d+/i.test(text[line - 1]!)) continue;
+      if (!/\b(course|pass)\s+\d+/i.test(text[line - 1]!)) continue;
       stretch.from = line;
       break;
     }
@@ -173,15 +172,18 @@ class ProgramView implements ProgramPanel {
   private readonly download = h("a", { class: "button", testid: "download-program" });
   private readonly bar = h("div", { class: "program-bar" }, this.select, this.find, this.copy, this.download);
   private readonly host = h("div", { class: "program-text", testid: "program" });
-  private readonly instead = h("div", { class: "results program-instead" });
+  private readonly why = h("p", { class: "withheld", role: "status", testid: "program-withheld" });
+  private readonly instead = h("p", { class: "empty program-instead" });
 
   constructor(
-    private readonly root: HTMLElement,
+    root: HTMLElement,
     private readonly clock: Clock,
     private readonly t: Translate,
-    private readonly selection: Selection,
+    selection: Selection,
   ) {
     root.classList.add("program-panel");
+    // Removing the editor from the page, even briefly, would lose its scroll position.
+    root.append(this.bar, this.why, this.instead, this.host);
     // The editor uses constructed style sheets, which the page's policy allows only in a shadow root.
     this.host.attachShadow({ mode: "open" });
     this.host.addEventListener("keydown", (event) => this.keepKeys(event));
@@ -254,37 +256,34 @@ class ProgramView implements ProgramPanel {
     this.select.replaceChildren(new Option("", "0"));
   }
 
-  /** Shows the program, or the reason why there is none. */
+  /** Shows the program, or the reason why there is none; one that failed can be read, and is not given away. */
   private render(): void {
     const { made, t } = this;
     const program = made?.program ?? null;
+    const failed = made !== null && !made.report.passed;
     for (const control of [this.select, this.find, this.copy]) control.disabled = program === null;
-    this.copy.disabled ||= !navigator.clipboard;
+    this.copy.disabled ||= failed || !navigator.clipboard;
     const what = KINDS[made?.kind ?? FIRST].part;
     const heading = t(`program.${what}`);
     this.select.setAttribute("aria-label", heading);
     for (const option of this.select.options) {
       option.textContent = option.value === "0" ? heading : t(`place.${what}`, { course: option.value });
     }
-    if (made && program !== null) {
+    if (made && program !== null && !failed) {
       this.download.href = made.url("program");
       this.download.download = "";
-      // Removing the editor from the page, even briefly, would lose its scroll position.
-      if (!this.host.isConnected) this.root.replaceChildren(this.bar, this.host);
-      return;
-    }
-    this.download.removeAttribute("href");
-    this.instead.replaceChildren(...(made ? this.reasons(made) : [h("p", { class: "empty" }, t("program.empty"))]));
-    this.root.replaceChildren(this.bar, this.instead);
-  }
-
-  private reasons(made: Made): Node[] {
-    const { clock, selection, t } = this;
-    const why = h("p", { class: "withheld", role: "status", testid: "program-withheld" }, t("program.withheld"));
-    return [why, failuresTable(made, clock, t, selection)];
+    } else this.download.removeAttribute("href");
+    this.why.hidden = !failed;
+    this.why.textContent = t(program === null ? "program.unwritten" : "program.withheld");
+    this.host.classList.toggle("failed", failed);
+    this.host.dataset["watermark"] = failed ? t("program.watermark") : "";
+    this.instead.textContent = t("program.empty");
+    this.instead.hidden = made !== null;
+    this.host.hidden = program === null;
   }
 
   private stateOf(program: string): EditorState {
+    const keptBack = (event: Event): boolean => this.keptBack(event);
     return EditorState.create({
       doc: program,
       extensions: [
@@ -299,14 +298,22 @@ class ProgramView implements ProgramPanel {
         keymap.of([{ key: "Space", run: () => this.toggle() }, ...standardKeymap]),
         this.words.of(this.phrases()),
         EditorView.updateListener.of((update) => this.moved(update)),
+        EditorView.domEventHandlers({ copy: keptBack, cut: keptBack, dragstart: keptBack }),
       ],
     });
   }
 
   private phrases(): ReturnType<typeof EditorState.phrases.of>[] {
     const told = PHRASES.map((phrase) => [phrase, this.t(`search.${phrase.replaceAll(" ", "_")}`)]);
-    const label = EditorView.contentAttributes.of({ "aria-label": this.t("program.text"), "aria-readonly": "true" });
+    const label = EditorView.contentAttributes.of({ "aria-label": this.t("program.text"), "aria-readonly": "true", tabindex: "0" });
     return [EditorState.phrases.of(Object.fromEntries(told)), label] as ReturnType<typeof EditorState.phrases.of>[];
+  }
+
+  /** Lets nobody take a program along that failed. */
+  private keptBack(event: Event): boolean {
+    const failed = !this.made!.report.passed;
+    if (failed) event.preventDefault();
+    return failed;
   }
 
   /** Moves the machine to a line that the user goes to. */
@@ -375,8 +382,11 @@ class ProgramView implements ProgramPanel {
     }
     const { doc } = editor.state;
     const range = EditorSelection.range(doc.line(stretch.to).to, doc.line(stretch.from).from);
-    const scroll = EditorView.scrollIntoView(range.head, { y: "start", yMargin: 2 * editor.defaultLineHeight });
-    editor.dispatch({ selection: range, effects: [choose.of(stretch), scroll] });
+    const effects: StateEffect<unknown>[] = [choose.of(stretch)];
+    // Where the machine stands on the course, its line is the one to see.
+    const there = this.made!.blocks.courses[this.clock.row] === course;
+    if (!there) effects.push(EditorView.scrollIntoView(range.head, { y: "start", yMargin: 2 * editor.defaultLineHeight }));
+    editor.dispatch({ selection: range, effects });
   }
 
   private async copied(): Promise<void> {

@@ -2,7 +2,7 @@ import { cancelJob, createJob, kinds, watchJob, type Request } from "../data/api
 import { inWords } from "../data/quantities";
 import { h } from "../elements";
 import { t } from "../i18n";
-import { stateKey } from "./jobs";
+import { stateKey, stateText } from "./jobs";
 import type { Job, Words } from "../data/types";
 
 export interface Running {
@@ -50,7 +50,8 @@ export function createRunning(root: HTMLElement, generate: () => void, failed: (
     bar.hidden = !busy;
     bar.value = progress;
     const told = names.get(stage);
-    const name = told ? inWords(told) : t(stage);
+    const waits = running?.state === "queued" && stage === stateKey(running);
+    const name = told ? inWords(told) : waits ? stateText(running!) : t(stage);
     word.textContent = stage && (busy && progress && stage !== LOST ? `${name} ${Math.floor(progress * 100)} %` : name);
     word.dataset["stage"] = stage;
   };

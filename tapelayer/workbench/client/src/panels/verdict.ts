@@ -59,7 +59,7 @@ function place(made: Made, failure: Failure, clock: Clock, t: Translate, selecti
 }
 
 /** The table of failures, with buttons that go to them. */
-export function failuresTable(made: Made, clock: Clock, t: Translate, selection: Selection): HTMLElement {
+function failuresTable(made: Made, clock: Clock, t: Translate, selection: Selection): HTMLElement {
   const { failures } = made.report;
   const rows = failures
     .slice(0, SHOWN_FAILURES)

@@ -1,8 +1,10 @@
 import { Box3, Group } from "three";
 import type { Raycaster } from "three";
 import type { Made, Table } from "../data/types";
-import { ERRORS, inDigits, legend } from "./legend";
+import { t } from "../i18n";
+import { ERRORS, inDigits, legend, scaleOf } from "./legend";
 import { Ribbons } from "./ribbons";
+import { type Spot, Track } from "./spot";
 import { type Colouring, numberOf, partOf, type Work } from "./work";
 
 /** The tape as it is laid, on its mould if there is one. */
@@ -12,13 +14,16 @@ export class Laying implements Work {
   readonly lines = null;
   private readonly ribbons: Ribbons | null;
   private readonly part: ReturnType<typeof partOf>;
+  private readonly track: Track | null;
 
   private constructor(
     private readonly made: Made,
     part: Table | null,
     tape: Table | null,
     private readonly errors: Table | null,
+    points: Table | null,
   ) {
+    this.track = errors && points && new Track(errors, points, "course");
     this.part = partOf(part, { solid: false });
     this.ribbons = tape?.rows ? new Ribbons(tape) : null;
     if (this.part) {
@@ -31,8 +36,9 @@ export class Laying implements Work {
   }
 
   static async of(made: Made): Promise<Laying> {
-    const tables = await Promise.all([made.table("part"), made.table("tape"), made.table("errors")]);
-    return new Laying(made, ...tables);
+    const names = ["part", "tape", "errors", "points"] as const;
+    const [part, tape, errors, points] = await Promise.all(names.map((name) => made.table(name)));
+    return new Laying(made, part!, tape!, errors!, points!);
   }
 
   get measured(): boolean {
@@ -47,8 +53,13 @@ export class Laying implements Work {
     this.ribbons?.select(course);
   }
 
-  hit(raycaster: Raycaster): number {
-    return this.ribbons?.hit(raycaster.ray) ?? 0;
+  hit(raycaster: Raycaster, time_s: number): Spot | null {
+    const struck = this.ribbons?.hit(raycaster.ray, time_s);
+    const { track } = this;
+    if (!struck || !track) return null;
+    const { course, along } = struck;
+    const measured = { what: "error", value: track.at("position_error_mm", course, along) };
+    return { ...struck, point: track.point(course, along), time: track.at("time_s", course, along), measured };
   }
 
   colour(by: Colouring): HTMLElement | null {
@@ -64,7 +75,8 @@ export class Laying implements Work {
     const most = Number.isFinite(limit) ? limit : greatest;
     this.ribbons.colourBy(this.errors.column("time_s"), errors, most, limit);
     const ticks = [0, most / 2, most].map(inDigits);
-    return legend(ERRORS, ticks, "scene.error", greatest <= limit ? {} : { beyond: "scene.beyond" });
+    const notes: Record<string, string> = greatest <= limit ? {} : { beyond: t("scene.beyond") };
+    return legend(scaleOf(ERRORS, { title: t("scene.error"), ticks, notes }));
   }
 
   dispose(): void {

@@ -64,8 +64,20 @@ export function inDigits(value: number): string {
   return value.toFixed(value === 0 || value >= 100 ? 0 : value >= 10 ? 1 : value >= 0.5 ? 2 : 4);
 }
 
-/** A labelled colour scale; `title` is a text key, and so are `notes`, by the class of the colour they name. */
-export function legend(colours: Ramp, ticks: string[], title: string, notes: Record<string, string>): HTMLElement {
+/** What a colour scale says; the notes by the class of the colour they name. */
+export interface Said {
+  title: string;
+  ticks: string[];
+  notes: Record<string, string>;
+}
+
+/** A labelled colour scale in its frame, with what else belongs below it. */
+export function legend(scale: HTMLElement, ...below: HTMLElement[]): HTMLElement {
+  return h("div", { class: "scene-legend", testid: "legend" }, scale, ...below);
+}
+
+/** A labelled colour scale. */
+export function scaleOf(colours: Ramp, { title, ticks, notes }: Said): HTMLElement {
   const bar = h("canvas", { width: STEPS, height: 1, "aria-hidden": "true" });
   const context = bar.getContext("2d");
   if (context) {
@@ -75,7 +87,7 @@ export function legend(colours: Ramp, ticks: string[], title: string, notes: Rec
     }
     context.putImageData(image, 0, 0);
   }
-  const children = [h("span", { t: title }), bar, h("div", { class: "ticks" }, ...ticks.map((tick) => h("span", {}, tick)))];
-  for (const [name, note] of Object.entries(notes)) children.push(h("span", { class: name, t: note }));
-  return h("div", { class: "scene-legend", testid: "legend" }, ...children);
+  const scale = h("div", { class: "ticks" }, ...ticks.map((tick) => h("span", {}, tick)));
+  const named = Object.entries(notes).map(([name, note]) => h("span", { class: name }, note));
+  return h("div", { class: "scale" }, h("span", {}, title), bar, scale, ...named);
 }

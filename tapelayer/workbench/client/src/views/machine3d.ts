@@ -11,6 +11,7 @@ import {
   Object3D,
   Vector3,
 } from "three";
+import type { Raycaster } from "three";
 import { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
 import { mergeGeometries } from "three/examples/jsm/utils/BufferGeometryUtils.js";
 import URDFLoader, { type URDFJoint, type URDFMimicJoint, type URDFRobot } from "urdf-loader";
@@ -21,11 +22,13 @@ const DEG = Math.PI / 180;
 
 const SOLID = new MeshLambertMaterial({ vertexColors: true });
 const GHOST = new MeshLambertMaterial({ vertexColors: true, transparent: true, opacity: 0.11 });
-const VEIL = new MeshLambertMaterial({ vertexColors: true, transparent: true, opacity: 0.3 });
 // Of translucent parts only the nearest surface is drawn, so their depth is drawn first.
 const DEPTH = new MeshLambertMaterial({ vertexColors: true, transparent: true, colorWrite: false });
 // After all of the work, and the head before the frame.
 const ORDER = { head: 10, frame: 20 };
+
+/** How a part of a machine is drawn: as it is, faintly so that the work is visible, or not at all. */
+export type Look = "solid" | "ghost" | "hidden";
 
 /** A machine's model: one mesh per link, with the joints set by the axes. Metres. */
 export class Machine3D {
@@ -84,10 +87,16 @@ export class Machine3D {
     this.robot.joints[joint]?.setJointValue(value);
   }
 
-  /** Makes the frame and the head solid, or translucent so that the work is visible. */
-  ghost(frame: boolean, head: boolean): void {
-    for (const piece of this.frames) piece.paint(frame ? GHOST : SOLID);
-    for (const piece of this.head) piece.paint(head ? VEIL : SOLID);
+  /** Draws the frame and the head in their looks. */
+  dress(frame: Look, head: Look): void {
+    for (const piece of this.frames) piece.dress(frame);
+    for (const piece of this.head) piece.dress(head);
+  }
+
+  /** Whether a solid part is nearer to a ray's origin than a distance in metres. */
+  hides(raycaster: Raycaster, distance: number): boolean {
+    const solid = this.robot.visible ? [...this.frames, ...this.head].filter(({ look }) => look === "solid") : [];
+    return solid.some(({ mesh }) => raycaster.intersectObject(mesh, false).some((met) => met.distance < distance));
   }
 
   frame(name: string): Object3D | undefined {
@@ -137,9 +146,10 @@ export class Machine3D {
 
 /** A link's mesh, and a copy that only writes its depth while it is translucent. */
 class Piece {
+  look: Look = "solid";
   private readonly depth: Mesh;
 
-  constructor(private readonly mesh: Mesh) {
+  constructor(readonly mesh: Mesh) {
     this.depth = new Mesh(mesh.geometry, DEPTH);
   }
 
@@ -147,12 +157,14 @@ class Piece {
     this.depth.renderOrder = order;
     this.mesh.renderOrder = order + 1;
     this.mesh.add(this.depth);
-    this.paint(SOLID);
+    this.dress("solid");
   }
 
-  paint(material: Material): void {
-    this.mesh.material = material;
-    this.depth.visible = material !== SOLID;
+  dress(look: Look): void {
+    this.look = look;
+    this.mesh.visible = look !== "hidden";
+    this.mesh.material = look === "ghost" ? GHOST : SOLID;
+    this.depth.visible = look === "ghost";
   }
 }
 

@@ -17,10 +17,8 @@ const SWITCHES: Record<string, [on: string, off: string]> = {
   arc: ["arc_on", "arc_off"],
 };
 
-/** Index of the first value not below `value` among the first `count`, which are ascending. */
-export function lowerBound(ascending: ArrayLike<number>, value: number, count = ascending.length): number {
-  let low = 0;
-  let high = count;
+/** Index of the first value not below `value` from `low` up to `high`, between which they are ascending. */
+export function lowerBound(ascending: ArrayLike<number>, value: number, high = ascending.length, low = 0): number {
   while (low < high) {
     const middle = (low + high) >>> 1;
     if (ascending[middle]! < value) low = middle + 1;
@@ -66,7 +64,7 @@ export class Motion {
     this.stated = new Float32Array(this.rows * width);
     this.held = new Float32Array(this.rows * width);
     columns.forEach((column, index) => this.fill(poses.column(column), index, width));
-    this.blockOf = this.numbered();
+    this.blockOf = Int32Array.from(blocks.blocks);
     const events = Object.entries(SWITCHES).filter(([, words]) => this.has(words[0]) || this.has(words[1]));
     this.switches = events.map(([name]) => name);
     this.states = this.switched(events.map(([, words]) => words));
@@ -120,9 +118,10 @@ export class Motion {
     return Math.max(lowerBound(this.lines, line + 1) - 1, 0);
   }
 
-  /** First row of a course; -1 if it has none. */
+  /** Row at the end of the first block of a course; -1 if it has none. */
   rowOfCourse(course: number): number {
-    return this.courses.indexOf(course);
+    const first = this.courses.indexOf(course);
+    return first < 0 ? first : lowerBound(this.blockOf, this.blockOf[first]! + 1) - 1;
   }
 
   private between(values: Float32Array, axis: number, row: number, done: number): number {
@@ -140,18 +139,6 @@ export class Motion {
       this.stated[row * width + index] = value;
       this.held[row * width + index] = first < 0 ? 0 : column[Math.max(row, first)]!;
     }
-  }
-
-  /** Numbers the blocks; all rows of a circular block count as one. */
-  private numbered(): Int32Array {
-    const { kinds, kind_names } = this.blocks;
-    const numbers = new Int32Array(this.rows);
-    for (let row = 1; row < this.rows; row++) {
-      const circular = kind_names[kinds[row]!]?.includes("clockwise") && kinds[row] === kinds[row - 1];
-      const same = circular && this.lines[row] !== 0 && this.lines[row] === this.lines[row - 1];
-      numbers[row] = numbers[row - 1]! + (same ? 0 : 1);
-    }
-    return numbers;
   }
 
   private has(event: string): boolean {

@@ -5,11 +5,13 @@ import {
   DoubleSide,
   DynamicDrawUsage,
   Group,
+  LessDepth,
   LineBasicMaterial,
   LineSegments,
   Mesh,
   MeshLambertMaterial,
   Ray,
+  Triangle,
   Vector3,
 } from "three";
 import { BEYOND, ERRORS, linear, placeOf } from "./legend";
@@ -29,9 +31,11 @@ const TAPE = [linear([52, 88, 126]), linear([92, 132, 172])];
 const SHADES = linear(ERRORS);
 const RED = linear(BEYOND);
 
-/** Quads of the tape between a selection of its pairs. */
+/** Quads of the tape between a selection of its pairs, the last first: seen from above, the top ply hides the rest. */
 interface Weave {
   indices: Uint32Array;
+  /** Number of quads. */
+  count: number;
   /** Quads up to every pair. */
   quads: Int32Array;
   /** Pair at which the last of these quads ends. */
@@ -45,12 +49,24 @@ interface Course {
   box: Box3;
 }
 
+/** A place on the tape that a ray hit: metres, seconds, and mm along and to the left of the course. */
+export interface Struck {
+  course: number;
+  place: Vector3;
+  distance: number;
+  time: number;
+  along: number;
+  across: number;
+}
+
 /** The tape of all courses as it is laid. Metres, in the machine's axes. */
 export class Ribbons {
   readonly object = new Group();
   readonly box = new Box3();
   readonly courses: readonly Course[];
   private readonly times: Float32Array;
+  private readonly places: Float32Array;
+  private readonly lefts: Float32Array;
   private readonly fine: Weave;
   private readonly coarse: Weave;
   private readonly corners: Float32Array;
@@ -62,7 +78,8 @@ export class Ribbons {
   private readonly paths: Int32Array;
   private readonly tapeColours: Uint8Array;
   private readonly materials = {
-    tape: new MeshLambertMaterial({ vertexColors: true, side: DoubleSide }),
+    // Of plies at one depth the first that is drawn stays, which is the last laid.
+    tape: new MeshLambertMaterial({ vertexColors: true, side: DoubleSide, depthFunc: LessDepth }),
     chosen: new MeshLambertMaterial({
       ...{ color: 0xf08c00, side: DoubleSide, transparent: true, opacity: 0.8, depthWrite: false },
       ...{ polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -8 },
@@ -74,6 +91,8 @@ export class Ribbons {
   constructor(private readonly table: Table) {
     const pairs = table.rows;
     this.times = table.column("time_s");
+    this.places = table.column("arc_length_mm");
+    this.lefts = table.column("left_mm");
     this.courses = coursesOf(table.column("course"));
     this.corners = cornersOf(table);
     const normals = normalsOf(this.corners, this.courses);
@@ -116,8 +135,9 @@ export class Ribbons {
     this.rough.visible = moving;
     if (pair !== this.pair) {
       this.pair = pair;
-      for (const [mesh, { quads }] of [[this.laid, this.fine], [this.rough, this.coarse]] as const) {
-        mesh.geometry.setDrawRange(0, pair < 0 ? 0 : 6 * quads[pair]!);
+      for (const [mesh, { quads, count }] of [[this.laid, this.fine], [this.rough, this.coarse]] as const) {
+        const laid = pair < 0 ? 0 : quads[pair]!;
+        mesh.geometry.setDrawRange(6 * (count - laid), 6 * laid);
       }
       this.ahead.geometry.setDrawRange(pair < 0 ? 0 : this.paths[pair]!, Infinity);
     }
@@ -129,8 +149,8 @@ export class Ribbons {
     const course = this.courses.find((each) => each.number === number);
     this.chosen.visible = course !== undefined;
     if (!course) return;
-    const begin = this.fine.quads[course.first]!;
-    this.chosen.geometry.setDrawRange(6 * begin, 6 * (this.fine.quads[course.end - 1]! - begin));
+    const [begin, end] = [this.fine.quads[course.first]!, this.fine.quads[course.end - 1]!];
+    this.chosen.geometry.setDrawRange(6 * (this.fine.count - end), 6 * (end - begin));
   }
 
   colourByCourse(): void {
@@ -158,18 +178,15 @@ export class Ribbons {
     this.coloured();
   }
 
-  /** Number of the first course hit by a ray in the machine's axes; 0 for none. */
-  hit(ray: Ray): number {
-    let nearest = Infinity;
-    let found = 0;
+  /** The first place hit by a ray in the machine's axes of the tape laid by a time; of plies in one place the last. */
+  hit(ray: Ray, time_s: number): Struck | null {
+    let found: Struck | null = null;
     for (const course of this.courses) {
+      if (this.times[course.first]! > time_s) break;
       if (!ray.intersectBox(course.box, POINT)) continue;
-      for (let pair = course.first; pair + 1 < course.end; pair++) {
-        const distance = Math.min(this.struck(ray, 2 * pair, 0), this.struck(ray, 2 * pair, 1));
-        if (distance < nearest) {
-          nearest = distance;
-          found = course.number;
-        }
+      for (let corner = 2 * course.first; corner + 2 < 2 * course.end; corner++) {
+        const struck = this.struck(ray, corner, course.number);
+        if (struck && struck.time <= time_s && struck.distance <= (found?.distance ?? Infinity)) found = struck;
       }
     }
     return found;
@@ -182,11 +199,22 @@ export class Ribbons {
     for (const material of Object.values(this.materials)) material.dispose();
   }
 
-  private struck(ray: Ray, corner: number, half: number): number {
-    A.fromArray(this.corners, 3 * (corner + half));
-    B.fromArray(this.corners, 3 * (corner + half + 1));
-    C.fromArray(this.corners, 3 * (corner + half + 2));
-    return ray.intersectTriangle(A, B, C, false, POINT) ? ray.origin.distanceToSquared(POINT) : Infinity;
+  /** Where a ray hits the triangle of a corner and the next two. */
+  private struck(ray: Ray, corner: number, course: number): Struck | null {
+    A.fromArray(this.corners, 3 * corner);
+    B.fromArray(this.corners, 3 * (corner + 1));
+    C.fromArray(this.corners, 3 * (corner + 2));
+    if (!ray.intersectTriangle(A, B, C, false, POINT) || !Triangle.getBarycoord(POINT, A, B, C, SHARES)) return null;
+    const between = (value: (corner: number) => number): number =>
+      SHARES.x * value(corner) + SHARES.y * value(corner + 1) + SHARES.z * value(corner + 2);
+    return {
+      course,
+      place: POINT.clone(),
+      distance: ray.origin.distanceTo(POINT),
+      time: between((each) => this.times[each >> 1]!),
+      along: between((each) => this.places[each >> 1]!),
+      across: between((each) => this.lefts[each >> 1]! - (each & 1 ? this.width(each >> 1) / MM : 0)),
+    };
   }
 
   /** Draws the piece between the last drawn quad and the nip. */
@@ -228,7 +256,7 @@ export class Ribbons {
   }
 
   private width(pair: number): number {
-    return A.fromArray(this.corners, 6 * pair).distanceTo(B.fromArray(this.corners, 6 * pair + 3));
+    return LEFT.fromArray(this.corners, 6 * pair).distanceTo(RIGHT.fromArray(this.corners, 6 * pair + 3));
   }
 
   private coloured(): void {
@@ -238,7 +266,8 @@ export class Ribbons {
 }
 
 const POINT = new Vector3();
-const [A, B, C] = [new Vector3(), new Vector3(), new Vector3()];
+const [A, B, C, SHARES] = [new Vector3(), new Vector3(), new Vector3(), new Vector3()];
+const [LEFT, RIGHT] = [new Vector3(), new Vector3()];
 
 function coursesOf(numbers: Float32Array): Course[] {
   const courses: Course[] = [];
@@ -315,7 +344,16 @@ function woven(courses: readonly Course[], pairs: number, stride: number): Weave
       ends[pair] = last;
     }
   }
-  return { indices: indices.slice(0, 6 * count), quads, ends };
+  return { indices: backwards(indices.subarray(0, 6 * count)), count, quads, ends };
+}
+
+/** Quads of six corners each, the last first. */
+function backwards(indices: Uint32Array): Uint32Array {
+  const turned = new Uint32Array(indices.length);
+  for (let from = 0; from < indices.length; from += 6) {
+    turned.set(indices.subarray(from, from + 6), indices.length - 6 - from);
+  }
+  return turned;
 }
 
 /** A geometry that shares the vertices but has its own draw range. */

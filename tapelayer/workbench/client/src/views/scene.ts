@@ -2,18 +2,32 @@ import "./scene.css";
 import { Box3, Raycaster, Vector2, Vector3 } from "three";
 import { reach } from "../data/api";
 import { h, translateAll } from "../elements";
+import { Grid } from "./grid";
 import { Machine3D } from "./machine3d";
+import type { Spot } from "./spot";
+import { Triad } from "./triad";
 import { FIRST, KINDS } from "../data/kinds";
 import type { Clock, CreatePanel, Kind, Made, ScenePanel, Selection, Translate } from "../data/types";
 import { type Colouring, Stage } from "./stage";
+import { inDigits } from "./legend";
 import { DIRECTIONS, type Direction, drawable, View } from "./view";
 
 // A press that moves no farther than this counts as a click, pixels.
 const CLICK = 4;
 const HOVER_MS = 60;
 const ZOOM = 0.8;
-// Sine of the view's elevation above which the head hides the work.
+// Sine of the view's elevation above which the machine hides the work.
 const STEEP = 0.8;
+// What a key turns, radians, and moves, as a share of the view's height.
+const TURN = Math.PI / 36;
+const MOVE = 0.05;
+const ARROWS: Record<string, [right: number, down: number]> = {
+  ArrowLeft: [-1, 0],
+  ArrowRight: [1, 0],
+  ArrowUp: [0, -1],
+  ArrowDown: [0, 1],
+};
+const ZOOMS: Record<string, number> = { "+": ZOOM, "=": ZOOM, "-": 1 / ZOOM };
 
 const NAMES = { tLabel: "scene.machine", tTitle: "scene.hands" };
 
@@ -27,12 +41,20 @@ export const createScene: CreatePanel<ScenePanel> = (root, clock, t, selection) 
 };
 
 class ScenePicture implements ScenePanel {
-  private readonly canvas = h("canvas", { testid: "scene", tabindex: 0, role: "img", ...NAMES });
-  private readonly label = h("div", { class: "scene-label", hidden: true });
+  private readonly canvas = h("canvas", { testid: "scene", tabindex: 0, role: "application", ...NAMES });
+  private readonly label = h("div", { class: "scene-label", testid: "scene-label", hidden: true });
+  private readonly told = h("output", { class: "scene-spot", testid: "spot", hidden: true });
+  private readonly mark = h("div", { class: "scene-mark", testid: "spot-mark", hidden: true });
+  private readonly nose = h("div", { class: "scene-mark tool", testid: "tool-mark", hidden: true });
+  private readonly spacing = h("span", { testid: "grid-spacing" });
+  private readonly triad = new Triad();
+  private readonly grid = new Grid();
   private readonly message = h("p", { class: "scene-message", testid: "scene-message", role: "status", hidden: true });
   private readonly legends = h("div", { class: "scene-legends" });
   private readonly followed = button("follow", "scene.follow", "scene.follow.title", () => this.follow());
   private readonly bare = button("hide-machine", "scene.bare-work", "scene.bare-work.title", () => this.reveal(this.bare));
+  private readonly headless = button("hide-head", "scene.headless", "scene.headless.title", () => this.reveal(this.headless));
+  private readonly gridless = button("hide-grid", "scene.gridless", "scene.gridless.title", () => this.reveal(this.gridless));
   private readonly plain = button("hide-passes", "scene.no-lines", "scene.no-lines.title", () => this.reveal(this.plain));
   private readonly colouring = h(
     "select",
@@ -50,7 +72,9 @@ class ScenePicture implements ScenePanel {
   private asked = 0;
   private close = true;
   private hovering = 0;
+  private pointed: PointerEvent | null = null;
   private pressed: PointerEvent | null = null;
+  private spot: Spot | null = null;
 
   constructor(
     private readonly root: HTMLElement,
@@ -67,13 +91,18 @@ class ScenePicture implements ScenePanel {
       button("view-machine", "scene.whole", "scene.whole.title", () => this.look(null, false)),
       this.followed,
       this.bare,
+      this.headless,
       this.plain,
+      this.gridless,
       this.colouring,
     );
-    for (const switched of [this.followed, this.bare, this.plain]) switched.setAttribute("aria-pressed", "false");
+    for (const switched of [this.followed, this.bare, this.headless, this.plain, this.gridless]) switched.setAttribute("aria-pressed", "false");
     this.plain.hidden = true;
     this.colouring.hidden = true;
-    root.append(this.canvas, tools, this.legends, this.label, this.message);
+    const corner = h("div", { class: "scene-corner" }, this.told, h("div", { class: "scene-frame" }, this.spacing));
+    corner.lastElementChild!.append(this.triad.element);
+    translateAll(corner);
+    root.append(this.canvas, this.mark, this.nose, tools, this.legends, corner, this.label, this.message);
     this.view = new View(
       root,
       this.canvas,
@@ -81,6 +110,7 @@ class ScenePicture implements ScenePanel {
       (moving) => this.update(moving),
       () => clock.playing,
     );
+    this.view.scene.add(this.grid.object);
     this.view.controls.addEventListener("start", () => this.leave());
     clock.onChange(() => this.view.draw());
     selection.onChange((course) => {
@@ -91,7 +121,7 @@ class ScenePicture implements ScenePanel {
     this.canvas.addEventListener("pointerleave", () => this.leave());
     this.canvas.addEventListener("pointerdown", (event) => (this.pressed = event));
     this.canvas.addEventListener("pointerup", (event) => this.click(event));
-    this.canvas.addEventListener("keydown", (event) => this.zoom(event));
+    this.canvas.addEventListener("keydown", (event) => this.press(event));
   }
 
   show(made: Made): void {
@@ -111,6 +141,8 @@ class ScenePicture implements ScenePanel {
 
   retranslate(): void {
     translateAll(this.root);
+    this.colour();
+    this.pin(this.spot);
   }
 
   dispose(): void {
@@ -139,6 +171,7 @@ class ScenePicture implements ScenePanel {
     this.stage?.dispose();
     this.stage = stage;
     this.view.scene.add(stage.object);
+    this.pin(null);
     stage.select(this.selection.course);
     this.colouring.hidden = !stage.measured;
     this.plain.hidden = !stage.lined;
@@ -151,29 +184,66 @@ class ScenePicture implements ScenePanel {
   private update(moving: boolean): void {
     if (!this.stage) return;
     this.stage.at(this.clock.row, this.clock.time, moving);
-    this.uncover();
-    if (this.followed.ariaPressed !== "true") return;
     this.stage.object.updateMatrixWorld();
+    const shown = this.uncover(moving);
     const place = this.stage.tool(this.point);
-    if (place) this.view.follow(place);
+    if (place && this.followed.ariaPressed === "true") this.view.follow(place);
+    this.measure();
+    this.put(this.nose, shown ? null : place);
+    this.put(this.mark, this.spot?.place ?? null);
+  }
+
+  /** Draws the grid and the directions as the camera sees them. */
+  private measure(): void {
+    const { view, grid } = this;
+    const { elevation } = view;
+    grid.object.visible = this.gridless.ariaPressed !== "true";
+    grid.show(elevation === "front" || elevation === "side" ? elevation : "floor", this.seen(), view.height);
+    this.spacing.textContent = grid.object.visible ? this.t("scene.spacing", { spacing: grid.spacing }) : "";
+    this.triad.show(view.camera);
+  }
+
+  /** What the view is about: the work if it is near, else the machine. */
+  private seen(): Box3 {
+    const { work, machine } = this.stage!;
+    return this.near ? work : new Box3().setFromObject(machine.robot);
+  }
+
+  private get near(): boolean {
+    return this.close && this.stage !== null && !this.stage.work.isEmpty();
+  }
+
+  /** Puts a mark over a place in the scene. */
+  private put(mark: HTMLElement, place: Vector3 | null): void {
+    mark.hidden = !place;
+    if (!place) return;
+    const { clientWidth, clientHeight } = this.root;
+    this.view.camera.updateMatrixWorld();
+    const { x, y, z } = PLACE.copy(place).project(this.view.camera);
+    mark.hidden = z > 1;
+    mark.style.transform = `translate(${((1 + x) / 2) * clientWidth}px, ${((1 - y) / 2) * clientHeight}px)`;
   }
 
   /** Looks from a direction at the work or at the whole machine; either stays as it was if not given. */
   private look(direction: Direction | null, close = this.close): void {
     if (!this.stage) return;
     this.close = close;
-    const { work, machine } = this.stage;
-    const near = close && !work.isEmpty();
-    this.view.look(direction, near ? work : new Box3().setFromObject(machine.robot));
+    this.view.look(direction, this.seen());
   }
 
-  /** Makes the machine translucent so that the work is visible; from above, the head too. */
-  private uncover(): void {
-    const { work, machine } = this.stage!;
-    const near = this.close && !work.isEmpty();
+  /**
+   * Draws the machine faintly, and not at all from above, so that the work is visible; whether the head is drawn.
+   *
+   * What is translucent costs most by far, so it is left out during motion.
+   */
+  private uncover(moving: boolean): boolean {
     const { camera, controls } = this.view;
-    this.point.subVectors(camera.position, controls.target).normalize();
-    machine.ghost(near, near && this.point.z > STEEP);
+    const above = this.near && PLACE.subVectors(camera.position, controls.target).normalize().z > STEEP;
+    const head = !above && this.headless.ariaPressed !== "true";
+    const frame = !this.near ? "solid" : above || moving ? "hidden" : "ghost";
+    this.stage!.machine.dress(frame, head ? "solid" : "hidden");
+    this.canvas.dataset["frame"] = frame;
+    return head && this.bare.ariaPressed !== "true";
   }
 
   private follow(): void {
@@ -189,36 +259,35 @@ class ScenePicture implements ScenePanel {
   }
 
   private colour(): void {
-    const scale = this.stage?.colour(this.colouring.value as Colouring);
+    const scale = this.stage?.colour(this.colouring.value as Colouring, () => this.view.draw());
     this.legends.replaceChildren(...(scale ? [scale] : []));
     this.view.draw();
   }
 
-  private courseAt(event: PointerEvent): number {
+  private spotAt(event: PointerEvent): Spot | null {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     this.pointer.set((2 * (event.clientX - left)) / width - 1, 1 - (2 * (event.clientY - top)) / height);
     this.raycaster.setFromCamera(this.pointer, this.view.camera);
-    // Lines are hit within a few pixels.
-    this.raycaster.params.Line.threshold = 0.01 * this.view.height;
-    return this.stage?.hit(this.raycaster) ?? 0;
+    return this.stage?.hit(this.raycaster, this.clock.time) ?? null;
   }
 
   private hover(event: PointerEvent): void {
+    this.pointed = event;
     if (event.buttons || this.hovering) return;
     // The pointer moves more often than the label needs to change.
     this.hovering = window.setTimeout(() => {
       this.hovering = 0;
-      this.pointOut(event);
+      this.pointOut(this.pointed ?? event);
     }, HOVER_MS);
   }
 
   private pointOut(event: PointerEvent): void {
-    const course = this.courseAt(event);
-    this.label.hidden = course === 0;
-    this.canvas.classList.toggle("pointing", course > 0);
-    if (!course) return;
+    const spot = this.spotAt(event);
+    this.label.hidden = !spot;
+    this.canvas.classList.toggle("pointing", Boolean(spot?.course));
+    if (!spot) return;
     const { left, top } = this.root.getBoundingClientRect();
-    this.label.textContent = this.t(`player.on.${this.kind}`, { number: course });
+    this.label.textContent = this.words(spot);
     this.label.style.transform = `translate(${event.clientX - left + 14}px, ${event.clientY - top + 14}px)`;
   }
 
@@ -233,14 +302,51 @@ class ScenePicture implements ScenePanel {
     this.pressed = null;
     if (!from || event.button !== 0) return;
     if (Math.hypot(event.clientX - from.clientX, event.clientY - from.clientY) > CLICK) return;
-    this.selection.select(this.courseAt(event));
+    const spot = this.spotAt(event);
+    const made = spot?.course ? spot : null;
+    this.pin(made);
+    if (made) {
+      this.clock.pause();
+      this.clock.seekTime(made.time);
+    }
+    this.selection.select(made?.course ?? 0);
   }
 
-  private zoom(event: KeyboardEvent): void {
-    const factor = { "+": ZOOM, "=": ZOOM, "-": 1 / ZOOM }[event.key];
-    if (!factor) return;
+  /** Marks a place and tells what it is. */
+  private pin(spot: Spot | null): void {
+    this.spot = spot;
+    this.told.hidden = !spot;
+    this.told.textContent = spot ? this.words(spot) : "";
+    this.view.draw();
+  }
+
+  /** What a place is, a line each: where on the course or pass, in which block, and what is measured there. */
+  private words({ course, point, along, across, time, measured }: Spot): string {
+    const lines: string[] = [];
+    if (course) {
+      const motion = this.stage!.motion!;
+      const row = motion.rowAt(time);
+      const side = across < 0 ? "scene.spot.right" : "scene.spot.left";
+      lines.push(
+        this.t(`scene.spot.${KINDS[this.kind].part}`, { course, point }),
+        this.t(side, { along: along.toFixed(1), across: Math.abs(across).toFixed(1) }),
+        this.t("scene.spot.block", { block: motion.block(row), line: motion.lines[row]! }),
+      );
+    }
+    if (measured) lines.push(this.t(`scene.spot.${measured.what}`, { value: inDigits(measured.value) }));
+    return lines.join("\n");
+  }
+
+  /** Turns, moves and zooms by keys. */
+  private press(event: KeyboardEvent): void {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const [factor, arrow] = [ZOOMS[event.key], ARROWS[event.key]];
+    if (factor) this.view.zoom(factor);
+    else if (arrow && event.shiftKey) this.view.move(...shares(arrow, MOVE * this.root.clientHeight));
+    else if (arrow) this.view.turn(...shares(arrow, TURN));
+    else if (event.key === "Home") this.look("iso", this.near);
+    else return;
     event.preventDefault();
-    this.view.zoom(factor);
   }
 
   private say(text: string): void {
@@ -248,6 +354,10 @@ class ScenePicture implements ScenePanel {
     this.message.hidden = !text;
   }
 }
+
+const PLACE = new Vector3();
+
+const shares = ([right, down]: [number, number], size: number): [number, number] => [right * size, down * size];
 
 function button(testid: string, text: string, title: string, onclick: () => void): HTMLButtonElement {
   return h("button", { type: "button", testid, t: text, tTitle: title, onclick });

@@ -12,6 +12,8 @@ import {
   Mesh,
   MeshBasicMaterial,
   MeshLambertMaterial,
+  Triangle,
+  Vector3,
 } from "three";
 import type { Raycaster } from "three";
 import { BARE, BEYOND, COAT, linear, placeOf, UNDER } from "./legend";
@@ -20,7 +22,7 @@ import { lowerBound, type Motion } from "./motion";
 import type { Table } from "../data/types";
 
 const MM = 1e-3;
-// The colour scale goes from the mean of the finished coat less this share to the mean and this share.
+// The colour scale goes from its centre less this share to its centre and this share, unless set otherwise.
 const SPAN = 0.2;
 // Less than this share of the mean is the far edge of a spot rather than a coat.
 const TRACE = 0.01;
@@ -32,11 +34,13 @@ const [NONE, LITTLE, MUCH] = [linear(BARE), linear(UNDER), linear(BEYOND)];
 /** The growing coat on the part. Metres, in the machine's axes. */
 export class Coat {
   readonly object: Mesh<BufferGeometry>;
-  /** Mean thickness of the finished coat, in the table's unit; the colour scale goes from `low` to `high`. */
+  /** Mean thickness of the finished coat, in the table's unit. */
   readonly mean: number;
-  readonly low: number;
-  readonly high: number;
+  /** Middle of the colour scale, in the table's unit, and the share of it up to which the scale goes on both sides. */
+  centre: number;
+  span = SPAN;
   private readonly colours: BufferAttribute;
+  private readonly thickness: Float32Array;
   private shown = Number.NaN;
 
   constructor(private readonly table: Table) {
@@ -57,7 +61,23 @@ export class Coat {
     let sum = 0;
     for (let row = 0; row < table.rows; row++) sum += this.at(row, table.times.length - 1);
     this.mean = sum / table.rows;
-    [this.low, this.high] = [(1 - SPAN) * this.mean, (1 + SPAN) * this.mean];
+    this.centre = this.mean;
+    this.thickness = new Float32Array(table.rows);
+  }
+
+  get low(): number {
+    return (1 - this.span) * this.centre;
+  }
+
+  get high(): number {
+    return (1 + this.span) * this.centre;
+  }
+
+  /** Lays the colour scale around a thickness; the mean without one. */
+  scale(centre: number | null, span: number): void {
+    this.centre = centre ?? this.mean;
+    this.span = span;
+    this.paint();
   }
 
   get unit(): string {
@@ -73,13 +93,23 @@ export class Coat {
     const before = Math.max(next - 1, 0);
     const span = times[next]! - times[before]!;
     const share = span > 0 ? Math.min(Math.max((time_s - times[before]!) / span, 0), 1) : 1;
-    const colours = this.colours.array;
     for (let row = 0; row < rows; row++) {
       const begin = this.at(row, before);
-      const [shades, place] = this.shade(begin + (this.at(row, next) - begin) * share);
-      for (let part = 0; part < 3; part++) colours[3 * row + part] = shades[place + part]!;
+      this.thickness[row] = begin + (this.at(row, next) - begin) * share;
     }
-    this.colours.needsUpdate = true;
+    this.paint();
+  }
+
+  /** Where a ray hits it, its normal there, and the thickness that is shown there. */
+  hit(raycaster: Raycaster): { place: Vector3; distance: number; normal: Vector3; value: number } | null {
+    const [met] = raycaster.intersectObject(this.object, false);
+    if (!met?.face) return null;
+    const { a, b, c, normal } = met.face;
+    const points = this.object.geometry.getAttribute("position") as BufferAttribute;
+    for (const [corner, row] of [[A, a], [B, b], [C, c]] as const) corner.fromBufferAttribute(points, row);
+    if (!Triangle.getBarycoord(met.point, A, B, C, SHARES)) return null;
+    const value = SHARES.x * this.thickness[a]! + SHARES.y * this.thickness[b]! + SHARES.z * this.thickness[c]!;
+    return { place: met.point, distance: met.distance, normal, value };
   }
 
   dispose(): void {
@@ -87,12 +117,26 @@ export class Coat {
     (this.object.material as MeshLambertMaterial).dispose();
   }
 
+  private paint(): void {
+    const colours = this.colours.array;
+    this.thickness.forEach((thickness, row) => {
+      const [shades, place] = this.shade(thickness);
+      for (let part = 0; part < 3; part++) colours[3 * row + part] = shades[place + part]!;
+    });
+    this.colours.needsUpdate = true;
+  }
+
   /** Colours that a thickness has its own among, and where. */
   private shade(thickness: number): [Uint8Array, number] {
-    if (!(thickness > TRACE * this.mean)) return [NONE, 0];
+    if (this.bare(thickness)) return [NONE, 0];
     if (thickness < this.low) return [LITTLE, 0];
     if (thickness > this.high) return [MUCH, 0];
     return [SHADES, placeOf(thickness - this.low, this.high - this.low)];
+  }
+
+  /** Whether a thickness is none to speak of. */
+  bare(thickness: number): boolean {
+    return !(thickness > TRACE * this.mean);
   }
 
   /** Thickness of a sample at a moment. */
@@ -100,6 +144,8 @@ export class Coat {
     return this.table.data[row * this.table.columns.length + 3 + moment]!;
   }
 }
+
+const [A, B, C, SHARES] = [new Vector3(), new Vector3(), new Vector3(), new Vector3()];
 
 /** Points (n, 3) in metres of a table whose first columns are x, y and z in mm. */
 export function pointsOf({ rows, columns, data }: Table): Float32Array {
@@ -135,17 +181,26 @@ export function sprayCone(standoff: number, spot: number): Mesh<BufferGeometry> 
   return new Mesh(geometry, new MeshBasicMaterial(look));
 }
 
+/** A place on a pass, in seconds, and how far to the left of it another place is, metres. */
+export interface Near {
+  pass: number;
+  time: number;
+  across: number;
+}
+
 /** Lines along which the gun sprays, between rows with the arc on. */
 export class Passes {
   readonly object = new Group();
   private readonly lines: LineSegments<BufferGeometry, LineBasicMaterial>;
   private readonly chosen: LineSegments<BufferGeometry, LineBasicMaterial>;
+  private readonly places: Float32Array;
 
   constructor(
     machine: Machine3D,
     private readonly motion: Motion,
   ) {
     const places = machine.path("P", motion);
+    this.places = places;
     const lit: number[] = [];
     for (let row = 1; row < motion.rows; row++) {
       if (motion.isOn("arc", row - 1)) lit.push(row - 1, row);
@@ -175,10 +230,31 @@ export class Passes {
     this.chosen.geometry.setDrawRange(first, end - first);
   }
 
-  /** Number of the first pass hit by a ray; 0 for none. */
-  hit(raycaster: Raycaster): number {
-    const [found] = raycaster.intersectObject(this.lines);
-    return found?.index == null ? 0 : (this.motion.courses[this.lines.geometry.index!.getX(found.index + 1)] ?? 0);
+  /**
+   * The nearest place of the passes sprayed by a time, at most `most` metres off; of equally near ones the last.
+   *
+   * @param normal of the surface at the point: seen against it, what is across lies to the left of the pass.
+   */
+  near(point: Vector3, normal: Vector3, time_s: number, most: number): Near | null {
+    const lit = this.lines.geometry.index!;
+    const { times, courses } = this.motion;
+    let found: Near | null = null;
+    for (let value = 0; value < lit.count; value += 2) {
+      const [before, row] = [lit.getX(value), lit.getX(value + 1)];
+      const [begin, end] = [times[before]!, times[row]!];
+      if (begin > time_s) break;
+      A.fromArray(this.places, 3 * before);
+      B.fromArray(this.places, 3 * row).sub(A);
+      C.subVectors(point, A);
+      const sprayed = end > time_s ? (time_s - begin) / (end - begin) : 1;
+      const share = Math.min(Math.max(C.dot(B) / Math.max(B.lengthSq(), 1e-12), 0), sprayed);
+      const distance = C.addScaledVector(B, -share).length();
+      if (!(distance <= (found ? Math.abs(found.across) : most))) continue;
+      const left = SHARES.crossVectors(normal, B).dot(C) >= 0;
+      const time = begin + (end - begin) * share;
+      found = { pass: courses[row]!, time, across: left ? distance : -distance };
+    }
+    return found;
   }
 
   dispose(): void {

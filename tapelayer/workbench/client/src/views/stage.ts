@@ -1,9 +1,10 @@
-import { AxesHelper, Box3, Group, Vector3 } from "three";
+import { Box3, Group, Vector3 } from "three";
 import type { Raycaster } from "three";
 import type { Kind, Made } from "../data/types";
 import { Laying } from "./laying";
 import type { Machine3D } from "./machine3d";
 import { type Motion, motionOf } from "./motion";
+import type { Spot } from "./spot";
 import { Spraying } from "./spraying";
 import type { Colouring, Work } from "./work";
 
@@ -26,7 +27,7 @@ export class Stage {
     readonly machine: Machine3D,
     private readonly made: Made | null,
   ) {
-    this.object.add(machine.robot, new AxesHelper(0.25));
+    this.object.add(machine.robot);
     this.motion = made && motionOf(made);
   }
 
@@ -55,9 +56,10 @@ export class Stage {
     this.made3d?.select(course);
   }
 
-  /** Number of the course or pass hit by a ray; 0 for none. */
-  hit(raycaster: Raycaster): number {
-    return this.made3d?.hit(raycaster) ?? 0;
+  /** The place that a ray hits of what is made by a time, unless the machine hides it. */
+  hit(raycaster: Raycaster, time_s: number): Spot | null {
+    const spot = this.made3d?.hit(raycaster, time_s) ?? null;
+    return spot && this.machine.hides(raycaster, spot.distance) ? null : spot;
   }
 
   /** Whether there are lines of passes. */
@@ -76,9 +78,9 @@ export class Stage {
     return this.made3d?.measured ?? false;
   }
 
-  /** Colours the work; returns the colour scale if there is one. */
-  colour(by: Colouring): HTMLElement | null {
-    return this.made3d?.colour(by) ?? null;
+  /** Colours the work; returns the colour scale if there is one, whose later changes are told. */
+  colour(by: Colouring, changed: () => void): HTMLElement | null {
+    return this.made3d?.colour(by, changed) ?? null;
   }
 
   dispose(): void {

@@ -2,6 +2,7 @@ import {
   Box3,
   DirectionalLight,
   HemisphereLight,
+  Matrix4,
   OrthographicCamera,
   PerspectiveCamera,
   Scene,
@@ -33,6 +34,8 @@ const RESTING_PIXELS = 4_000_000;
 const REST_MS = 300;
 const SLOWEST_MS = 1000;
 
+const SEEN = new Matrix4();
+
 /** Whether this browser supports WebGL 2. */
 export function drawable(): boolean {
   return document.createElement("canvas").getContext("webgl2") !== null;
@@ -49,6 +52,7 @@ export class View {
   private readonly level = new OrthographicCamera(-1, 1, 1, -1, 0, DEEP);
   private readonly sun = new DirectionalLight(0xffffff, 1.9);
   private way: Vector3 | null = null;
+  private towards: Direction | null = null;
   readonly controls: OrbitControls;
   private readonly renderer: WebGLRenderer;
   private readonly observer: ResizeObserver;
@@ -107,6 +111,11 @@ export class View {
     return this.way ? this.level : this.free;
   }
 
+  /** The elevation that is shown; null for none. */
+  get elevation(): Direction | null {
+    return this.way && this.towards;
+  }
+
   /** Metres in view from the bottom to the top, at the target. */
   get height(): number {
     if (this.way) return (this.level.top - this.level.bottom) / this.level.zoom;
@@ -116,6 +125,7 @@ export class View {
   /** Fits a box into the view. */
   look(direction: Direction | null, box: Box3): void {
     if (box.isEmpty()) return;
+    if (direction) this.towards = direction;
     box.getBoundingSphere(this.sphere);
     const way = direction ? DIRECTIONS[direction].clone() : this.camera.position.clone().sub(this.controls.target);
     way.normalize();
@@ -136,6 +146,17 @@ export class View {
     this.controls.update();
     this.way = elevation ? way : null;
     this.draw();
+  }
+
+  /** Turns the view by angles in radians: to the left and upwards. */
+  turn(left: number, up: number): void {
+    this.controls.rotateLeft(left);
+    this.controls.rotateUp(up);
+  }
+
+  /** Moves what is seen by pixels: to the right and down. */
+  move(right: number, down: number): void {
+    this.controls.pan(right, down);
   }
 
   /** Zooms by a factor; below 1 is nearer. */
@@ -190,7 +211,10 @@ export class View {
     this.resize(width, height, ratio);
     this.renderer.render(this.scene, this.camera);
     this.frames += 1;
+    const { projectionMatrix, matrixWorldInverse } = this.camera;
+    this.canvas.dataset["camera"] = SEEN.multiplyMatrices(projectionMatrix, matrixWorldInverse).elements.join(" ");
     this.canvas.dataset["projection"] = this.way ? "parallel" : "perspective";
+    this.canvas.dataset["resting"] = String(!moving);
     this.canvas.dataset["frames"] = String(this.frames);
     this.canvas.dataset["drawMs"] = (performance.now() - began).toFixed(1);
   }

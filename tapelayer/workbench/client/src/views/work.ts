@@ -2,6 +2,7 @@ import { BufferAttribute, BufferGeometry, DoubleSide, Mesh, MeshLambertMaterial 
 import type { Box3, Object3D, Raycaster } from "three";
 import { toCreasedNormals } from "three/examples/jsm/utils/BufferGeometryUtils.js";
 import type { SetupValues, Table } from "../data/types";
+import type { Spot } from "./spot";
 import { pointsOf } from "./spray3d";
 
 export const MM = 1e-3;
@@ -22,10 +23,10 @@ export interface Work {
   show(time_s: number, row: number, moving: boolean): void;
   /** Highlights a course or pass; 0 for none. */
   select(number: number): void;
-  /** Number of the course or pass hit by a ray; 0 for none. */
-  hit(raycaster: Raycaster): number;
-  /** Colours it; returns the colour scale if there is one. */
-  colour(by: Colouring): HTMLElement | null;
+  /** The place that a ray hits of what is made by a time. */
+  hit(raycaster: Raycaster, time_s: number): Spot | null;
+  /** Colours it; returns the colour scale if there is one. Calls `changed` where the scale is changed later. */
+  colour(by: Colouring, changed: () => void): HTMLElement | null;
   dispose(): void;
 }
 
