@@ -41,10 +41,10 @@ VALIDATED = {
     "post/words.py",
 }
 CALLERS = {"ValueError", "AttributeError", "TypeError", "NotImplementedError", "AssertionError", "RuntimeError"}
-# Constants that describe the interface of the server, or are policies, pages and tables of it.
-DESCRIBING = re.compile(r"[A-Z]*_?POLICY|NOWHERE|FORM|EXAMPLES?|TABLES?|FILES|PAGE|DOCS|EPILOG|SPEEDS_ONLY")
-# Markup, and what the user is to type: these are the same in every language.
-VERBATIM = re.compile(r"\s*<|tapelayer ")
+# Constants that describe the interface of the server, or are policies, pages and tables of it, or stand in files.
+DESCRIBING = re.compile(r"[A-Z]*_?POLICY|NOWHERE|FORM|EXAMPLES?|TABLES?|FILES|PAGE|DOCS|EPILOG|SPEEDS_ONLY|WATERMARK")
+# Markup, SQL, and what the user is to type: these are the same in every language.
+VERBATIM = re.compile(r"\s*<|tapelayer |ALTER TABLE |UPDATE ")
 # What a text has beside its words.
 NO_WORDS = re.compile(r"\{\d+\}|\b(?:mm|min)\b")
 # Letters of the texts that stand in the source beside their English ones.
