@@ -18,8 +18,9 @@ from pydantic_core import _pydantic_core
 from tapelayer.errors import AxisBeyondTravel, CourseFileRefused, InputFault, InputRefused
 from tapelayer.jobs.kinds import kinds
 from tapelayer.language import OTHERS, Language
-from tapelayer.reporting.failure_names import worded
+from tapelayer.reporting.failure_names import failure_name, worded
 from tapelayer.reporting.quantity import Group, Quantity
+from tapelayer.reporting.words import Say
 from tapelayer.sentences import PLACE, catalogue, translated
 from tapelayer.verification.failures import Failure
 from tests.helpers.paths import ROOT
@@ -252,6 +253,9 @@ def test_a_failure_has_one_name_in_the_report_on_the_page_and_in_the_terminal() 
         assert entries[failure] in known
     locale = json.loads((ROOT / "tapelayer/workbench/client/src/locales/zh.json").read_text("utf-8"))
     told = tomllib.loads((ROOT / "tapelayer/languages/zh/failures.toml").read_text("utf-8"))
+    for key in told:
+        if not PLACE.search(key):
+            assert failure_name(key, (), Say("zh"))[0] == told[key].partition("（")[0]
     simple = {worded(key)[0].replace(" ", "_"): text for key, text in told.items() if not PLACE.search(key)}
     for stem, text in simple.items():
         if name := locale.get(f"failure.{stem}"):
