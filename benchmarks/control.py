@@ -91,7 +91,7 @@ def accelerated(setup: JobSetup, job: Job | SprayJob, linear: float | None, rota
 
 
 def working_speeds(run: Driven, job: Job | SprayJob) -> Floats:
-    """Return the speed (n,) in m/s at which tape is fed, or at which the gun goes over the part, at every sample."""
+    """Return the speed (n,) in m/s at which tape is fed, or at which P goes over the part, at every sample."""
     if isinstance(job, Job):
         fed = run.joints[:, run.trajectory.column("u")]
         return np.abs(np.gradient(fed, CYCLE_S))
@@ -100,7 +100,7 @@ def working_speeds(run: Driven, job: Job | SprayJob) -> Floats:
     for column, name in enumerate(job.axes):
         joints[:, job.machine.column(name)] = run.joints[:, column]
     joints[:, job.machine.column("standoff")] = job.setup.standoff
-    places = job.machine.forward(joints, "gun")[:, :3, 3]
+    places = job.machine.forward(joints, "P")[:, :3, 3]
     return np.linalg.norm(np.gradient(places, CYCLE_S, axis=0), axis=1)
 
 

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import pipeline
+from benchmarks import control, pipeline
 from tapelayer.courses.course_file import read_courses
 from tapelayer.geometry.curves import Curve
 from tapelayer.laying.job import Job
 from tapelayer.laying.placing import courses_in_machine
 from tapelayer.machines import gantry
 from tapelayer.units import MM
+from tests.helpers.linuxcnc import has_linuxcnc
 from tests.helpers.setups import setup_of
 
 POINTS = 4000
@@ -121,3 +122,27 @@ def test_rows_and_memory_are_sane(capsys: pytest.CaptureFixture[str], monkeypatc
         assert 0.0 < row["per_s"] < math.inf
         assert row["ratio"] == row["per_s"] / row["obvious_per_s"]
     assert 0.05 < numbers["peak_memory_gb"] < numbers["memory_limit_gb"]
+
+
+@pytest.mark.linuxcnc
+@pytest.mark.skipif(not has_linuxcnc(), reason="the Debian package linuxcnc-uspace is not installed")
+def test_a_short_course_on_a_real_control_is_a_row(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A level course of 0.2 m with accelerations of its own, as a line of the table and as JSON."""
+    lines = [f"{300 + 0 * y} {y} 0 0 0 1 {y}" for y in range(0, 201, 20)]
+    path = tmp_path / "short.txt"
+    path.write_text("\n".join(["1", "start", "90", *lines, "end", ""]), encoding="utf-8")
+    rows: list[control.Row] = []
+    once = control.row_of
+    monkeypatch.setattr(control, "row_of", lambda *given: rows.append(once(*given)) or rows[-1])
+    assert control.main([str(path), "--linear", "1500", "--rotary", "300"]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert len(shown) == 3 and shown[2].startswith("| short.txt | ") and shown[2].count("|") == shown[0].count("|")
+    (row,) = rows
+    assert row.reported_s > 3.0 and abs(row.off) < 0.02
+    assert 0.0 < row.real_share <= 1.0 and abs(row.real_share - row.reported_share) < 0.1
+    assert row.real_stops == row.reported_stops
+    monkeypatch.setattr(control, "row_of", lambda *given: row)
+    assert control.main([str(path), "--json", "--limit", "0"]) == int(row.off != 0.0)
+    assert json.loads(capsys.readouterr().out)[0]["real_s"] == row.real_s

@@ -16,7 +16,7 @@ from rich.table import Table
 from post import program, reader
 from post.controllers import Controller
 from tapelayer.arrays import Floats
-from tapelayer.errors import VerificationFailed
+from tapelayer.errors import ModelRefused, VerificationFailed
 from tapelayer.jobs.part_names import part_names, placed
 from tapelayer.jobs.stages import READING_BACK, VERIFYING, VERIFYING_PLAN, WRITING
 from tapelayer.language import Language
@@ -30,7 +30,7 @@ from tapelayer.reporting.not_judged import unjudged
 from tapelayer.reporting.subject import Occasion, Subject
 from tapelayer.reporting.words import Words
 from tapelayer.setups.forms import changes
-from tapelayer.setups.sections import JobSetup
+from tapelayer.setups.sections import UNIT_PAIRS, JobSetup
 from tapelayer.verification.failures import Findings
 from tapelayer.verification.inspection import Judge
 from tapelayer.verification.verified import Verified, failure_of
@@ -336,9 +336,16 @@ def machine_of(setup: JobSetup, urdf: Path) -> Machine:
     """Return the setup's machine: its URDF, or the built-in one given, with the setup's limits.
 
     Raises:
-        ModelRefused: the URDF cannot be used, or an axis in the setup is not the machine's.
+        ModelRefused: the URDF cannot be used, or an axis in the setup is not the machine's or has a limit in the other
+            unit.
     """
     settings = setup.machine
     path = urdf if settings.urdf is None else Path(settings.urdf)
     machine = Machine.load(path)
+    for linear, rotary in UNIT_PAIRS:
+        for key, other, turns in ((linear, rotary, False), (rotary, linear, True)):
+            for name in getattr(settings, key):
+                if machine.axis(name).revolute is not turns:
+                    kind = "linear" if turns else "rotary"
+                    raise ModelRefused(f"[machine] {key}: axis {name} of {path.name} is {kind}; state it in {other}")
     return machine.with_limits(settings.travel(), settings.speeds(), settings.accelerations(), settings.jerks())

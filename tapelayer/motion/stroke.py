@@ -17,7 +17,9 @@ from tapelayer.motion.time_law import Limits, clock_of, feeds
 from tapelayer.motion.trajectory import ON_THE_FLY, Event, Kind
 
 # Words are placed this often, or until they move by no more than this, in seconds.
-PLACINGS, SETTLED = 30, 1e-7
+PLACINGS, SETTLED = 60, 1e-7
+# A bracket no wider than this share of the time in it has closed.
+CLOSED = 1e-9
 # From a stop a way grows with the square of its time, at speed with the time itself.
 POWERS = (0.3, 3.0)
 # Times no farther apart than this, in seconds, share a block boundary: shorter blocks have no exact speed.
@@ -154,11 +156,11 @@ class Control(Frozen):
         delays = np.array([word.delay for word in words])
         at = asked[[word.node for word in words]]
         early = delays > 0.0
-        # Seconds of the words' own time by which each word is ahead of its node, and how these grow with the delay.
-        ahead, powers = delays.copy(), np.ones(len(words))
+        # Seconds of the words' own time by which each word is ahead of its node.
+        ahead = delays.copy()
+        search = _Search(delays[early])
         best = stroke_blocks(stroke, asked, self.tolerance, at - ahead)
         least = np.inf
-        tried: tuple[Floats, Floats] | None = None
         for _ in range(PLACINGS if np.any(early) else 0):
             blocks = stroke_blocks(stroke, asked, self.tolerance, at - ahead)
             clock, until = self.clock(stroke, blocks)
@@ -166,21 +168,47 @@ class Control(Frozen):
             began = max(float(np.max(ahead - at)), 0.0)
             said = np.empty(len(words))
             said[np.argsort(at - ahead, kind="stable")] = clock.ends[1:][blocks.kinds == Kind.SWITCH]
-            taken = _taken(clock, until, at + began) - said
-            astray = float(np.max(np.abs(taken - delays)[early]))
+            taken = (_taken(clock, until, at + began) - said)[early]
+            astray = float(np.max(np.abs(taken - delays[early])))
             if astray < least:
                 best, least = blocks, astray
             if least <= SETTLED:
                 break
-            logs = np.log(ahead[early]), np.log(np.maximum(taken[early], SAME_TIME))
-            if tried is not None:
-                steps = logs[0] - tried[0], logs[1] - tried[1]
-                known = np.abs(steps[1]) > SAME_TIME
-                slopes = np.divide(steps[0], steps[1], out=powers[early], where=known)
-                powers[early] = np.clip(slopes, *POWERS)
-            tried = logs
-            ahead[early] *= np.exp(powers[early] * (np.log(delays[early]) - logs[1]))
+            ahead[early] = search.next(ahead[early], taken)
         return best
+
+
+class _Search:
+    """The search for the seconds that words are placed ahead, each by itself: a secant of logarithms in a bracket.
+
+    The seconds taken grow with those placed ahead, at a node with a stop as steeply as a root.
+    """
+
+    def __init__(self, wanted: Floats) -> None:
+        """Begin the search for seconds (w,) to be taken."""
+        self.wanted = wanted
+        self.low, self.high = np.zeros(len(wanted)), np.full(len(wanted), np.inf)
+        self.powers = np.ones(len(wanted))
+        self.tried: tuple[Floats, Floats] | None = None
+
+    def next(self, ahead: Floats, taken: Floats) -> Floats:
+        """Return the seconds (w,) to place ahead after those that were tried (w,) and were taken for them (w,)."""
+        off = taken - self.wanted
+        self.low, self.high = np.where(off < 0.0, ahead, self.low), np.where(off > 0.0, ahead, self.high)
+        # Words move each other: a bracket that has closed without an answer is opened again.
+        lost = (self.high - self.low <= ahead * CLOSED) & (np.abs(off) > SETTLED)
+        self.low, self.high = np.where(lost, 0.0, self.low), np.where(lost, np.inf, self.high)
+        logs = np.log(ahead), np.log(np.maximum(taken, SAME_TIME))
+        slow = np.zeros(len(off), np.bool_)
+        if self.tried is not None:
+            steps = logs[0] - self.tried[0], logs[1] - self.tried[1]
+            known = np.abs(steps[1]) > SAME_TIME
+            self.powers = np.clip(np.divide(steps[0], steps[1], out=self.powers, where=known), *POWERS)
+            slow = np.abs(off) > 0.5 * np.abs(np.exp(self.tried[1]) - self.wanted)
+        self.tried = logs
+        asked = ahead * np.exp(self.powers * (np.log(self.wanted) - logs[1]))
+        halved = slow | (asked <= self.low) | (asked >= self.high)
+        return np.where(halved & np.isfinite(self.high), 0.5 * (self.low + self.high), asked)
 
 
 def _taken(clock: Clock, until: Floats, asked: Floats) -> Floats:

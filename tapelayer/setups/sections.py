@@ -47,6 +47,15 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
 
 
+# Keys of one limit for linear and for rotary axes.
+UNIT_PAIRS = (
+    ("limits_mm", "limits_deg"),
+    ("speeds_mm_per_s", "speeds_deg_per_s"),
+    ("accelerations_mm_per_s2", "accelerations_deg_per_s2"),
+    ("jerks_mm_per_s3", "jerks_deg_per_s3"),
+)
+
+
 class MachineSettings(Section, title="Machine"):
     """The machine, where it differs from its URDF."""
 
@@ -108,12 +117,7 @@ class MachineSettings(Section, title="Machine"):
 
     @model_validator(mode="after")
     def _one_unit_an_axis(self) -> Self:
-        for linear, rotary in (
-            ("limits_mm", "limits_deg"),
-            ("speeds_mm_per_s", "speeds_deg_per_s"),
-            ("accelerations_mm_per_s2", "accelerations_deg_per_s2"),
-            ("jerks_mm_per_s3", "jerks_deg_per_s3"),
-        ):
+        for linear, rotary in UNIT_PAIRS:
             for axis in getattr(self, linear).keys() & getattr(self, rotary).keys():
                 raise ValueError(f"axis {axis} stands in both {linear} and {rotary}; keep the one of its unit")
         return self

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -478,3 +480,10 @@ def test_a_missing_file_a_directory_and_a_binary_file(tmp_path: Path) -> None:
         with pytest.raises(ModelRefused) as refused:
             Machine.load(path)
         assert str(refused.value) == f"{path}: {sentence}"
+
+
+def test_jerk_needs_an_acceleration() -> None:
+    plain = replace(tape_layer().axis("v"), acceleration=math.inf)
+    axes = tuple(plain if axis.name == "v" else axis for axis in tape_layer().axes)
+    with pytest.raises(ModelRefused, match="axis v has a jerk but no acceleration; state both, or neither"):
+        replace(tape_layer(), axes=axes).with_limits({}, {}, {}, {"v": 10.0})

@@ -168,13 +168,14 @@ def test_axes_without_accelerations_need_no_time_for_ramps() -> None:
 
 
 def test_a_block_that_an_arc_shortens_overlaps_the_one_before_by_no_more_than_is_left() -> None:
-    """A pass, its last straight 5 mm, and a link at a right angle: the way adds up, and no joint jumps."""
-    steps: list[dict[str, float]] = [{"x": 0.1, "c": 0.3}, {"x": 0.005}, {"y": 0.008}, {"y": 0.1, "c": 0.3}]
-    found = by(LINUXCNC, run(steps, speed=0.3, tolerance=1 * MM))
+    """A fast turning pass, a slow straight 12 mm, a link at a right angle: the way adds up, and no joint jumps."""
+    steps = np.zeros((4, 6))
+    steps[:, 0], steps[:, 1], steps[:, 3] = [0.032, 0.012, 0.0, 0.0], [0.0, 0.0, 0.015, 0.044], [0.03, 0.0, 0.0, 0.3]
+    found = by(LINUXCNC, at_feed(steps, np.array([0.24, 0.1, 0.33, 0.21]), np.full(4, 2 * MM)))
     clock = found.clock
     assert clock is not None and not np.any(clock.stands[:-1])
     assert clock.marks[-1] == pytest.approx(clock.reached[-1], rel=1e-9)
     times = np.linspace(0.0, clock.ends[-1], 20001)
     blocks = np.clip(np.searchsorted(clock.ends, times, side="right") - 1, 0, len(found) - 1)
     joints = found.rounded(blocks, found.fractions(blocks, times))
-    assert np.max(np.abs(np.diff(joints[:, :2], axis=0))) <= 0.3 * 1.3 * times[1]
+    assert np.max(np.abs(np.diff(joints[:, :2], axis=0))) <= 0.4 * times[1]

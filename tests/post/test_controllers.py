@@ -398,3 +398,21 @@ def test_the_docs_name_every_key_table_and_event() -> None:
     assert {"blocks", "codes", "feed", "arcs", "time", "events"} <= named
     assert {event.name.lower() for event in Event if event} - named == set()
     assert set(names()) - named == set()
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (("tolerance_mm = 0.02", "tolerance_mm = -0.02"), "tolerance_mm"),
+        (("tolerance_mm = 0.02", "tolerance_mm = nan"), "tolerance_mm"),
+        (("tolerance_mm = 0.02", ""), "corner look_ahead without tolerance_mm above 0; give how far"),
+        (('exact = "G61"\n', ""), "corner look_ahead without exact; give the words"),
+        (('corner = "look_ahead"', 'corner = "lookahead"'), "corner"),
+        (
+            ('corner = "look_ahead"', 'corner = "stop"'),
+            "corner stop has no use for exact and blended; leave",
+        ),
+    ],
+)
+def test_a_time_law_that_cannot_be_is_refused_in_a_sentence(change: tuple[str, str], sentence: str) -> None:
+    assert sentence in refused(changed(change))
