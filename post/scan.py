@@ -130,7 +130,7 @@ def _note_malformed(words: Words, malformed: Sequence[tuple[int, str]], extended
             f"expected a number after {shown_letter(int(words.letters[word]), extended)}, got {shown or 'nothing'}"
         )
         if word in commas[:1]:
-            sentence += f": numbers have decimal commas, {len(commas)} in this program; write decimal points"
+            sentence = f"{sentence}: numbers have decimal commas, {len(commas)} in this program; write decimal points"
         words.fault(word, sentence)
 
 

@@ -138,10 +138,17 @@ def _told(places: str, template: Template, found: re.Match[str], language: Langu
 
     def value(at: re.Match[str]) -> str:
         nonlocal count
-        items = _BETWEEN.split(found[int(at[1])]) if at[3] else [found[int(at[1])]]
-        told = [_line(item, language) for item in items] if at[2] or at[3] else [(0, items[0])]
-        count += sum(letters for letters, _ in told)
-        return (at[3] or "").join(text for _, text in told)
+        held = found[int(at[1])]
+        if not (at[2] or at[3]):
+            return held
+        readings = [_line(held, language)]
+        if at[3]:
+            items = [_line(item, language) for item in _BETWEEN.split(held)]
+            # A phrase that is known as a whole may have the signs of a list in it.
+            readings.insert(0, (sum(letters for letters, _ in items), at[3].join(text for _, text in items)))
+        letters, told = max(readings, key=lambda reading: reading[0])
+        count += letters
+        return told
 
     text = PLACE.sub(value, template.other)
     return count, before + places[len(place) :] + text

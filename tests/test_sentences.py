@@ -18,8 +18,9 @@ from pydantic_core import _pydantic_core
 from tapelayer.errors import AxisBeyondTravel, CourseFileRefused, InputFault, InputRefused
 from tapelayer.jobs.kinds import kinds
 from tapelayer.language import OTHERS, Language
-from tapelayer.reporting.failure_names import worded
+from tapelayer.reporting.failure_names import failure_name, worded
 from tapelayer.reporting.quantity import Group, Quantity
+from tapelayer.reporting.words import Say
 from tapelayer.sentences import PLACE, catalogue, translated
 from tapelayer.verification.failures import Failure
 from tests.helpers.paths import ROOT
@@ -27,7 +28,7 @@ from tests.helpers.said import modules, sayings, templates, texts
 
 LANGUAGES = OTHERS
 # Sentences that the source puts together from single words, and those of other programs.
-COMPOSED = {"course {1} point {2}", "pass {1}", "pass {1} point {2}", "point {1}"}
+COMPOSED = {"course {1} point {2}", "pass {1}", "pass {1} point {2}", "point {1}", "tape-laying", "spraying"}
 ALIEN = ("libraries", "failures")
 
 
@@ -171,6 +172,17 @@ def test_lists_of_names() -> None:
     )
 
 
+def test_a_phrase_with_the_signs_of_a_list_is_no_list() -> None:
+    phrase = "table.toml:30: blocks.restated[0]: expected printable ASCII signs, and not blanks alone, got ' '"
+    assert translated(phrase, "zh") == (
+        "table.toml:30: blocks.restated[0]: 应为 可打印的 ASCII 字符，且不得只有空格，实为 ' '"
+    )
+    lost = (
+        "p.stl: no pass can be sprayed on it: of the surface 2 cm2 too steep, 3 cm2 hidden; turn the part or place it "
+    )
+    assert "2 cm2 过陡，3 cm2 被遮挡；" in translated(f"{lost}elsewhere", "zh")
+
+
 def test_failures_in_words() -> None:
     assert translated(Failure(5, 51, "courses_laid", 3, 4, 12).sentence(), "zh") == (
         "第 12 行: 道次 5 点 51: 已铺道次数为 3，限值 4"
@@ -208,14 +220,17 @@ JUDGING = re.compile(
 )
 # What the judges name beside failures, and composed names whose parts are all known.
 NO_FAILURE = {"max_speed", "speed_limit", "knife_1", "knife_2", "auxiliary_roller", "heater_on", "heater_off"}
+NO_FAILURE |= {"max_acceleration", "acceleration_limit"}
 NO_FAILURE |= {"max_heading_error_deg", "max_roller_tilt_deg"}
 PARTS = {
     "{1}_words": ("heater_on_words", "heater_off_words"),
     "{1}_astray_ms": ("heater_on_astray_ms", "heater_off_astray_ms"),
     "auxiliary_roller_{1}_words": ("auxiliary_roller_down_words", "auxiliary_roller_up_words"),
     "auxiliary_roller_{1}_mm": ("auxiliary_roller_down_mm", "auxiliary_roller_up_mm"),
-    "axis_{1}_{2}": ("axis_{1}_mm", "axis_{1}_deg"),
-    "axis_{1}_speed_{2}_per_s": ("axis_{1}_speed_mm_per_s", "axis_{1}_speed_deg_per_s"),
+    "axis_{1}": (),
+    "{1}_{2}": ("axis_{1}_mm", "axis_{1}_deg"),
+    "{1}_speed_{2}_per_s": ("axis_{1}_speed_mm_per_s", "axis_{1}_speed_deg_per_s"),
+    "{1}_acceleration_{2}_per_s2": ("axis_{1}_acceleration_mm_per_s2", "axis_{1}_acceleration_deg_per_s2"),
     "{1}_with_{2}_on": ("rapid_with_{1}_on", "stop_with_{1}_on", "pause_with_{1}_on"),
 }
 
@@ -238,6 +253,9 @@ def test_a_failure_has_one_name_in_the_report_on_the_page_and_in_the_terminal() 
         assert entries[failure] in known
     locale = json.loads((ROOT / "tapelayer/workbench/client/src/locales/zh.json").read_text("utf-8"))
     told = tomllib.loads((ROOT / "tapelayer/languages/zh/failures.toml").read_text("utf-8"))
+    for key in told:
+        if not PLACE.search(key):
+            assert failure_name(key, (), Say("zh"))[0] == told[key].partition("（")[0]
     simple = {worded(key)[0].replace(" ", "_"): text for key, text in told.items() if not PLACE.search(key)}
     for stem, text in simple.items():
         if name := locale.get(f"failure.{stem}"):

@@ -95,7 +95,7 @@ def _letters(controller: Controller) -> Iterator[str]:
     for key, text in arguments:
         letter = text.partition(" ")[2][:1]
         if clash := (axes | feed | _FIXED).get(letter):
-            yield f"{key}: {letter} of {text} {clash}; a word's argument needs a letter of its own"
+            yield f"{key}: the argument {letter} of {text} needs a letter of its own, as {letter} {clash}"
     for letter in codes.no_effect:
         if clash := (axes | feed | _FIXED | {codes.dwell_address: "is the time of a dwell"}).get(letter):
             yield f"codes.no_effect: {letter} {clash}, so it has an effect; remove it"

@@ -62,8 +62,9 @@ def _worded(text: str, detail: ErrorDetails) -> InputFault:
         message, shown = detail["msg"], repr(detail["input"])
         shown = shown if len(shown) <= 40 else shown[:37] + "..."
         if detail["type"] == "string_pattern_mismatch":
-            message = f"expected {EXPECTED[detail['ctx']['pattern']]}"
-        sentence = f"{where}: {message[0].lower()}{message[1:]}, got {shown}"
+            sentence = f"{where}: expected {EXPECTED[detail['ctx']['pattern']]}, got {shown}"
+        else:
+            sentence = f"{where}: {message[0].lower()}{message[1:]}, got {shown}"
     return InputFault(_line(text, place), sentence)
 
 

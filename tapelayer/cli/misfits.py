@@ -13,16 +13,6 @@ from tapelayer.jobs.kinds import kind_of
 
 # The command that makes programs from a form of source, and a source of that form as its help names it.
 _MAKES = {Form.COURSES: ("export", "COURSES.txt"), Form.MODEL: ("spray", "MODEL.stl")}
-_ADVICE = {
-    Form.PROGRAM: "tapelayer verify {file} COURSES.txt",
-    Form.SETUP: "give it to export or spray by --setup {file}",
-    Form.CONTROLLER: "tapelayer export COURSES.txt --controller {file}",
-    Form.MACHINE: "name it in a setup: [machine] urdf = {quoted}",
-    Form.POSES: "spray --trajectory writes it, and no command reads it",
-    Form.STEP: "export the part as STL, then: tapelayer spray MODEL.stl",
-    Form.MESH: "export the part as STL, then: tapelayer spray MODEL.stl",
-    Form.ARCHIVE: "unpack it first",
-}
 
 
 def content_at(file: str) -> Content:
@@ -64,7 +54,10 @@ def _misfit(file: str, wanted: Content) -> str:
     content = content_at(file)
     if content.form in (wanted.form, Form.UNKNOWN, Form.BINARY) and content.kind in (wanted.kind, None):
         return ""
-    return f"this is {content.words}{_advice(content, wanted, file)}"
+    if content.form in _MAKES and wanted.form is Form.PROGRAM:
+        return _first_the_program(content, f"tapelayer verify PROGRAM.nc {shlex.quote(file)}")
+    advice = _advice(content, file)
+    return f"this is {content.words}: {advice}" if advice else f"this is {content.words}; expected {wanted.words}"
 
 
 def check_order(program: str, source: str) -> None:
@@ -76,19 +69,34 @@ def check_order(program: str, source: str) -> None:
     first, second = content_at(program), content_at(source)
     if first.form in _MAKES and second.form is Form.PROGRAM:
         command = f"tapelayer verify {shlex.quote(source)} {shlex.quote(program)}"
-        raise ProgramRefused(program, [InputFault(0, f"this is {first.words}; the program comes first: {command}")])
+        raise ProgramRefused(program, [InputFault(0, _first_the_program(first, command))])
 
 
-def _advice(content: Content, wanted: Content, file: str) -> str:
-    """Return what to do with a file instead."""
+def _first_the_program(content: Content, command: str) -> str:
+    return f"this is {content.words}; the program comes first: {command}"
+
+
+def _advice(content: Content, file: str) -> str:
+    """Return what to do with a file; empty where no command takes it."""
     quoted = shlex.quote(file)
-    if content.form in _MAKES:
-        if wanted.form is Form.PROGRAM:
-            return f"; the program comes first: tapelayer verify PROGRAM.nc {quoted}"
-        return f": tapelayer {_MAKES[content.form][0]} {quoted}"
     if content.form is Form.SETUP and content.kind is not None:
         command, source = _MAKES[kind_of(content.kind).source.form]
-        return f": tapelayer {command} {source} --setup {quoted}"
-    if content.form in _ADVICE:
-        return ": " + _ADVICE[content.form].format(file=quoted, quoted=f'"{file}"')
-    return f"; expected {wanted.words}"
+        return f"tapelayer {command} {source} --setup {quoted}"
+    match content.form:
+        case Form.COURSES | Form.MODEL:
+            return f"tapelayer {_MAKES[content.form][0]} {quoted}"
+        case Form.PROGRAM:
+            return f"tapelayer verify {quoted} COURSES.txt"
+        case Form.SETUP:
+            return f"give it to export or spray by --setup {quoted}"
+        case Form.CONTROLLER:
+            return f"tapelayer export COURSES.txt --controller {quoted}"
+        case Form.MACHINE:
+            return f'name it in a setup: [machine] urdf = "{file}"'
+        case Form.POSES:
+            return "spray --trajectory writes it, and no command reads it"
+        case Form.STEP | Form.MESH:
+            return "export the part as STL, then: tapelayer spray MODEL.stl"
+        case Form.ARCHIVE:
+            return "unpack it first"
+    return ""

@@ -93,7 +93,7 @@ def machine(
         scale, unit = (1 / DEG, "deg") if axis.revolute else (1 / MM, "mm")
         table.add_row(axis.name, f"{axis.lower * scale:g}", f"{axis.upper * scale:g}", unit, f"{axis.speed * scale:g}")
     output.print(table)
-    lengths = ", ".join(f"{what} = {length / MM:g}" for what, length in chosen.machine.lengths(model).items())
+    lengths = ", ".join(f"{said(what)} = {length / MM:g}" for what, length in chosen.machine.lengths(model).items())
     if lengths:
         output.print(f"{lengths} mm", highlight=False, soft_wrap=True)
 

@@ -91,8 +91,8 @@ def _no_text(text: bytes) -> list[InputFault]:
 def _of_spelling(text: bytes, spelling: Separators) -> InputFault:
     """Return the one fault of all lines that are spelt in another way."""
     lines = [row for row, line in enumerate(text.split(b"\n"), 1) if line.translate(None, spelling.signs) != line]
-    more = f" (on {len(lines)} lines)" if len(lines) > 1 else ""
-    return InputFault(lines[0], f"{spelling.fault}{more}; {spelling.remedy}")
+    sentence = f"{spelling.fault} (on {len(lines)} line{'s' if len(lines) > 1 else ''}); {spelling.remedy}"
+    return InputFault(lines[0], sentence)
 
 
 def _quote(text: bytes) -> str:

@@ -39,7 +39,10 @@ SPELLINGS = (
     Separators("columns are separated by commas", _BLANKS, b",", b" "),
     Separators("numbers have decimal commas", _POINTS, b",", b"."),
     Separators(
-        "columns are separated by semicolons and numbers have decimal commas", f"{_BLANKS} and {_POINTS}", b";,", b" ."
+        "columns are separated by semicolons and numbers have decimal commas",
+        "separate columns by blanks and write decimal points",
+        b";,",
+        b" .",
     ),
 )
 

@@ -81,10 +81,10 @@ def parse_mesh(data: bytes, name: str, unit: Unit = "mm") -> Mesh:
     distances = np.max(np.abs(triangles), axis=(1, 2))
     far = np.flatnonzero(distances > FARTHEST)
     if len(far):
-        count = f"{len(far)} of {len(triangles)} facets have corners" if len(far) > 1 else "a facet has a corner"
         raise _refused(
             name,
-            f"{count} {distances[far[0]]:.3g} {unit} from the origin, expected at most {FARTHEST:g} {unit}, "
+            f"{f'{len(far)} of {len(triangles)} facets have corners' if len(far) > 1 else 'a facet has a corner'} "
+            f"{distances[far[0]]:.3g} {unit} from the origin, expected at most {FARTHEST:g} {unit}, "
             f"first facet {far[0] + 1}: it is damaged; export it again",
         )
     triangles = triangles * METRES[unit]
@@ -196,8 +196,11 @@ def _ascii_fault(text: bytes) -> InputFault:
             wanted = expected.decode() if expected else "a number"
             line = text.count(b"\n", 0, word.start()) + 1
             facet = position // len(FACET_WORDS) + 1
-            shown = f"expected {wanted}, got {got.decode('utf-8', 'replace')[:40]!r} in facet {facet}"
-            return InputFault(line, f"{shown}{_separator(got)}; export it again")
+            shown, reason = got.decode("utf-8", "replace")[:40], _separator(got)
+            return InputFault(
+                line,
+                f"expected {wanted}, got {shown!r} in facet {facet}{f': {reason}' if reason else ''}; export it again",
+            )
     facet = len(text.split()) // len(FACET_WORDS) + 1
     return InputFault(len(text.splitlines()), f"the file ends inside facet {facet}: it is cut short; export it again")
 
@@ -205,10 +208,10 @@ def _ascii_fault(text: bytes) -> InputFault:
 def _separator(word: bytes) -> str:
     """Return what a word with commas or semicolons says of its file; empty for any other word."""
     if re.fullmatch(rb"[-+]?\d+,\d+(e[-+]?\d+)?", word):
-        return ": the file has decimal commas, STL has decimal points"
+        return "the file has decimal commas, STL has decimal points"
     for sign, signs in ((b",", "commas"), (b";", "semicolons")):
         if sign in word and all(_is_number(part) for part in word.strip(sign).split(sign)):
-            return f": the numbers are separated by {signs}, STL has blanks"
+            return f"the numbers are separated by {signs}, STL has blanks"
     return ""
 
 

@@ -55,6 +55,8 @@ def placed(program: Program, word: str, numbers: Sequence[int]) -> tuple[Traject
     ]
     mark, index = wrong[0]
     said = f"{word} {mark.number}" + (f" as number {mark.place}" if mark.place else "")
-    true = f"{word} {numbers[index]} follows" if index < len(numbers) else f"there are {len(numbers)}"
-    more = f"; {len(wrong) - 1} more such comment{'s' if len(wrong) > 2 else ''}" if len(wrong) > 1 else ""
-    return replace(trajectory, courses=courses), (f"{program.name}:{mark.line}: names {said}, but {true}{more}",)
+    true = f"{word} {numbers[index]} follows" if index < len(numbers) else f"there are only {len(numbers)}"
+    remark = f"{program.name}:{mark.line}: names {said}, but {true}"
+    if more := len(wrong) - 1:
+        remark = f"{remark}; {more} more such comment{'s' if more > 1 else ''}"
+    return replace(trajectory, courses=courses), (remark,)

@@ -22,7 +22,7 @@ def check_size(
         points: (n, 3) of the part, metres.
         unit: in which its file was read.
         machine: with an x, a y and a z axis.
-        least: what a part must not be smaller than: its name and its size in metres.
+        least: what a part must not be smaller than: its name with the article, and its size in metres.
         name: the file as the user named it.
         refused: error to raise with the fault.
 
@@ -33,7 +33,7 @@ def check_size(
     largest = float(np.max(sides))
     travel = max(axis.upper - axis.lower for axis in (machine.axis(name) for name in "xyz"))
     if largest < least[1]:
-        doubt = f"less than the {least[0]} of {least[1] / MM:g} mm"
+        doubt = f"less than {least[0]} of {least[1] / MM:g} mm"
     elif largest > MOST_TRAVELS * travel:
         doubt = f"far more than the machine's travel of {travel:g} m"
     else:

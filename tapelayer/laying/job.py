@@ -92,7 +92,7 @@ class Job(MachineJob[None, Evidence]):
         controller.check_units({axis.name: axis.revolute for axis in machine.axes})
         courses = parse_courses(data, name, unit)
         points = np.concatenate([course.points for course in courses])
-        check_size(points, unit, machine, ("tape", setup.tape.width_mm * MM), name, CourseFileRefused)
+        check_size(points, unit, machine, ("the tape", setup.tape.width_mm * MM), name, CourseFileRefused)
         provenance = Provenance(
             source=Path(name).name,
             source_sha256=hashlib.sha256(data).hexdigest(),

@@ -169,8 +169,12 @@ def _numbers(root: ElementTree.Element) -> Faults:
                 if not count or (len(value.split()) == count and all(map(_is_number, value.split()))):
                     continue
                 expected = "a number" if count == 1 else f"{count} numbers separated by blanks"
-                advice = "; write decimals with a point" if re.search(r"\d,\d", value) else ""
-                yield element, f"{_place(holder, element)} {attribute} is {value!r}, expected {expected}{advice}"
+                comma = re.search(r"\d,\d", value) is not None
+                yield (
+                    element,
+                    f"{_place(holder, element)} {attribute} is {value!r}, expected {expected}"
+                    f"{'; write decimals with a point' if comma else ''}",
+                )
 
 
 def _is_number(text: str) -> bool:

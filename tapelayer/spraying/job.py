@@ -109,7 +109,7 @@ class SprayJob(MachineJob[Spraying, SprayEvidence]):
             profile = path.read_bytes()
             more = (NamedFile(path.name, hashlib.sha256(profile).hexdigest()),)
         mesh = parse_mesh(data, name, unit)
-        check_size(mesh.vertices, unit, machine, ("spot", setup.spray.spot_mm * MM), name, MeshRefused)
+        check_size(mesh.vertices, unit, machine, ("the spot", setup.spray.spot_mm * MM), name, MeshRefused)
         provenance = Provenance(
             source=mesh.name,
             source_sha256=mesh.sha256,

@@ -54,5 +54,6 @@ def test_blanks_and_trailing_separators_do_not_matter() -> None:
 
 
 def test_a_single_decimal_comma_is_told_by_its_line() -> None:
-    assert refusal(PLAIN.replace(b"3.0000", b"3,0000", 1)).startswith("f:5: numbers have decimal commas; write")
+    one = refusal(PLAIN.replace(b"3.0000", b"3,0000", 1))
+    assert one.startswith("f:5: numbers have decimal commas (on 1 line); write")
     assert "expected the cut angle" in refusal(PLAIN.replace(b"60\n", b"6,0\n", 1))

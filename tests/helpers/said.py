@@ -18,18 +18,19 @@ SILENT = {
 }
 # Calls whose texts are no messages: descriptions, patterns, markup, SQL, the server's log, texts in both languages.
 NO_MESSAGE = re.compile(
-    r"re\.\w+|Field|Words|Stage|ProblemKind|element|sealed|log\.\w+|LOG\.\w+|index\.\w+|self\._index\.\w+"
-    r"|self\._select|.*\.(?:partition|removeprefix|split|join|get)|table\.add_\w+|typer\.\w+|PydanticCustomError|.*\.encode|hashlib\.\w+|run|steps\.begin"
+    r"re\.\w+|Field|Words|say|Say\(\w+\)|Stage|ProblemKind|element|sealed|log\.\w+|LOG\.\w+|index\.\w+|self\._index\.\w+"
+    r"|self\._select|.*\.(?:partition|removeprefix|split|join|get)|table\.add_\w+|typer\.\w+|_controller|dict\.fromkeys|PydanticCustomError|.*\.encode|hashlib\.\w+|run|steps\.begin"
 )
 # Functions whose texts are parts of files.
 NO_MESSAGE_FUNCTIONS = {
     "post/rows.py": {"head", "course_comment"},
-    "tapelayer/setups/sections.py": {"default_text"},
+    "tapelayer/jobs/part_names.py": {"part_names"},
+    "tapelayer/setups/sections.py": {"whole_text"},
     "tapelayer/spraying/settings.py": {"notes"},
     "tapelayer/workbench/access.py": {"cookie"},
 }
-# What stands in the server's log alone.
-LOGGED = {"reference {1}, {2}:"}
+# What stands in the server's log or in the comments of a program alone.
+LOGGED = {"reference {1}, {2}:", "course {1} of {2}"}
 NO_MESSAGE_KEYWORDS = {"description", "help", "epilog", "pattern", "title", "label", "class_", "notes", "format"}
 # Modules in which a ValueError becomes a fault of the user's file; elsewhere it is a caller's mistake.
 VALIDATED = {
@@ -40,8 +41,14 @@ VALIDATED = {
     "post/words.py",
 }
 CALLERS = {"ValueError", "AttributeError", "TypeError", "NotImplementedError", "AssertionError", "RuntimeError"}
-# Constants that describe the interface of the server, or are policies, pages and tables of it.
-DESCRIBING = re.compile(r"[A-Z]*_?POLICY|NOWHERE|FORM|EXAMPLES?|TABLE|FILES|TABLES|PAGE|DOCS|EPILOG|EXAMPLE")
+# Constants that describe the interface of the server, or are policies, pages and tables of it, or stand in files.
+DESCRIBING = re.compile(r"[A-Z]*_?POLICY|NOWHERE|FORM|EXAMPLES?|TABLES?|FILES|PAGE|DOCS|EPILOG|SPEEDS_ONLY|WATERMARK")
+# Markup, SQL, and what the user is to type: these are the same in every language.
+VERBATIM = re.compile(r"\s*<|tapelayer |ALTER TABLE |UPDATE ")
+# What a text has beside its words.
+NO_WORDS = re.compile(r"\{\d+\}|\b(?:mm|min)\b")
+# Letters of the texts that stand in the source beside their English ones.
+CHINESE = re.compile(r"[\u4e00-\u9fff]")
 # Two words, or a word and a value.
 SENTENCE = re.compile(r"\S .*[A-Za-z]{2,}|[A-Za-z]{2,}.* \S")
 
@@ -59,9 +66,9 @@ def sayings(module: str) -> dict[str, int]:
     found: dict[str, int] = {}
     for node in _spoken(ast.parse((ROOT / module).read_text("utf-8")), module):
         for template in templates(node):
-            if template in LOGGED or template.lstrip().startswith("<"):
+            if template in LOGGED or VERBATIM.match(template) or CHINESE.search(template):
                 continue
-            if SENTENCE.search(template) and re.search(r"[A-Za-z]{2,}", re.sub(r"\{\d+\}", "", template)):
+            if SENTENCE.search(template) and re.search(r"[A-Za-z]{2,}", NO_WORDS.sub("", template)):
                 found.setdefault(template, node.lineno)
     return found
 

@@ -23,7 +23,7 @@ from tests.helpers.stl_files import TETRAHEDRON, binary
 
 MACHINE = Machine.load()
 TRAVEL = max(axis.upper - axis.lower for axis in MACHINE.axes if axis.name in "xyz")
-TAPE = ("tape", 0.075)
+TAPE = ("the tape", 0.075)
 
 
 def asked(sides: tuple[float, float, float], unit: Unit) -> str:

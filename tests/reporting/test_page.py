@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import io
 import re
+import tomllib
 from html import unescape
 
 import pytest
 from rich.console import Console
 
 from tapelayer.jobs.kinds import NAMES, KindName, kind_of
-from tapelayer.reporting.failure_names import OTHERS, failure_name
+from tapelayer.reporting.failure_names import failure_name
 from tapelayer.reporting.page import STYLE
 from tapelayer.reporting.quantity import quantities
 from tapelayer.reporting.subject import Occasion
@@ -20,6 +21,7 @@ from tapelayer.verification.failures import Failure
 from tests.helpers.judged import evidence
 from tests.helpers.kinds import made
 from tests.helpers.pages import Elements, page
+from tests.helpers.paths import ROOT
 
 CHINESE = Say("zh")
 # What is the same in every language: units, names of axes, keys of setups and of the machine, and names of its parts.
@@ -101,6 +103,11 @@ def test_a_chinese_failure_is_headed_and_listed_in_chinese() -> None:
     assert "铺放速度" in cells and "已铺道次数" in cells
 
 
+# Failures that the terminal names.
+CATALOGUED = tomllib.loads((ROOT / "tapelayer/languages/zh/failures.toml").read_text("utf-8"))
+NAMED = [what for what in CATALOGUED if "{" not in what]
+
+
 def test_every_failure_has_a_chinese_name(kind: KindName) -> None:
     rows = kind_of(kind).rows
     keys = [row.failure for row in quantities(rows)]
@@ -113,7 +120,7 @@ def test_every_failure_has_a_chinese_name(kind: KindName) -> None:
         "heater_on_astray_ms",
     ]
     keys += ["auxiliary_roller_down_words", "auxiliary_roller_up_mm", "rapid_with_knife_2_on", "heater_off_words"]
-    for what in (*keys, *OTHERS):
+    for what in (*keys, *NAMED):
         name, _ = failure_name(what, rows, CHINESE)
         assert re.search(r"[\u4e00-\u9fff]", name), what
         assert not re.search(r"[a-z]{3,}", name.replace("theta", "")), what
