@@ -14,8 +14,8 @@ from tapelayer.laying.settings import Setup
 from tapelayer.machines import gantry
 from tapelayer.units import DEG, MM
 
-# Steps towards the place where some tape is fed.
-PLACE_STEPS = 6
+# Most steps towards the place where some tape is fed, and the last one's length in metres.
+PLACE_STEPS, PLACED = 60, 1e-11
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,10 @@ class DrivenCourse:
         # The tape fed and the arc length differ by the wrap only, which hardly changes: each step leaves a share of it.
         for _ in range(PLACE_STEPS):
             poses = self.motion.poses(places)
-            places = np.clip(places + fed - (places - self.shortened(poses)), 0.0, self.length)
+            nearer = np.clip(fed + self.shortened(poses), 0.0, self.length)
+            off, places = np.max(np.abs(nearer - places), initial=0.0), nearer
+            if off <= PLACED:
+                break
         return places
 
     def laid(self, setup: Setup, required: Floats) -> Poses:
