@@ -356,9 +356,7 @@ def _passed(task: LayingTask, nodes: Floats, arcs: Floats, rows: Ints, places: F
     passed = np.zeros(len(nodes), np.uint8)
     passed[1:-1][going[:-1] & going[1:]] = Pass.ON
     steps = task.tape.steps
-    # LinuxCNC gives a block before an exact stop its whole acceleration, and the one before that only half, so that
-    # the two together would go too fast: there a word is the better stop.
-    stop = Pass.WAIT if task.rule.corner == "linuxcnc" else Pass.STOP
+    stop = task.control.stop
     switching = np.isin(steps.kinds[rows], (Step.DOWN, Step.UP)) & (steps.speeds[rows] == 0.0)
     at = places[switching]
     begins = places[switching & (steps.kinds[rows] == Step.DOWN)]

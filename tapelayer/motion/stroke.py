@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import NamedTuple
@@ -9,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tapelayer.arrays import Floats, Frozen, Ints
+from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.motion.clock import Clock
 from tapelayer.motion.corners import Rule
 from tapelayer.motion.planned_blocks import PlannedBlocks
@@ -17,7 +18,9 @@ from tapelayer.motion.time_law import Limits, clock_of, feeds
 from tapelayer.motion.trajectory import ON_THE_FLY, Event, Kind
 
 # Words are placed this often, or until they move by no more than this, in seconds.
-PLACINGS, SETTLED = 60, 1e-7
+PLACINGS, SETTLED = 60, 3e-6
+# Where a word would be farther astray than this, in seconds, the control stops for it.
+ASTRAY = 2e-4
 # A bracket no wider than this share of the time in it has closed.
 CLOSED = 1e-9
 # From a stop a way grows with the square of its time, at speed with the time itself.
@@ -145,37 +148,68 @@ class Control(Frozen):
         clock, until = self.clock(stroke, stroke_blocks(replace(stroke, words=words), asked, self.tolerance))
         return _taken(clock, until, asked)
 
+    @property
+    def stop(self) -> Pass:
+        """Return how the control stops at a node with a switching word.
+
+        LinuxCNC gives a block before an exact stop its whole acceleration, and the one before that only half, so that
+        the two together would go too fast: there a word is the better stop.
+        """
+        return Pass.WAIT if self.rule.corner == "linuxcnc" else Pass.STOP
+
     def blocks(self, stroke: Stroke) -> PlannedBlocks:
         """Return the blocks of a stroke, with every word its delay ahead of its node on the control.
 
-        A word splits a block, and a split block takes another time: the words are placed again until they stay. Where
-        the last digits of a split make the control stop, they never do; the nearest placing is kept.
+        A block that is split by a word in the midst of a slow motion may have a direction by its last written digits
+        only, so that no split gives the word its delay: there the control stops for the word.
+        """
+        words = sorted(stroke.words, key=lambda word: word.node)
+        stops = np.zeros(len(words), np.bool_)
+        best, off = self._placed(stroke, words, stops)
+        astray, least = off > ASTRAY, float(np.max(off, initial=0.0))
+        while np.any(astray & ~stops):
+            stops |= astray
+            blocks, off = self._placed(stroke, words, stops)
+            if np.max(off) < least:
+                best, least = blocks, float(np.max(off))
+            astray = off > ASTRAY
+        return best
+
+    def _placed(self, stroke: Stroke, words: Sequence[Word], stops: Mask) -> tuple[PlannedBlocks, Floats]:
+        """Return the blocks with words placed as well as they can be, and the seconds (w,) by which these are off.
+
+        A word splits a block, and a split block takes another time: the words are placed again until they stay.
+
+        Args:
+            stroke: the stroke.
+            words: its words by rising node.
+            stops: (w,) whether the control stops for a word.
         """
         asked = stroke.times(self.limits)
-        words = sorted(stroke.words, key=lambda word: word.node)
         delays = np.array([word.delay for word in words])
         at = asked[[word.node for word in words]]
         early = delays > 0.0
+        stopped = np.where(stops, self.stop, Pass.ON)
         # Seconds of the words' own time by which each word is ahead of its node.
         ahead = delays.copy()
         search = _Search(delays[early])
-        best = stroke_blocks(stroke, asked, self.tolerance, at - ahead)
+        best, off = stroke_blocks(stroke, asked, self.tolerance, at - ahead, stopped), np.zeros(len(words))
         least = np.inf
         for _ in range(PLACINGS if np.any(early) else 0):
-            blocks = stroke_blocks(stroke, asked, self.tolerance, at - ahead)
+            blocks = stroke_blocks(stroke, asked, self.tolerance, at - ahead, stopped)
             clock, until = self.clock(stroke, blocks)
             # Blocks before the stroke's first node are waits for words that precede it.
             began = max(float(np.max(ahead - at)), 0.0)
             said = np.empty(len(words))
             said[np.argsort(at - ahead, kind="stable")] = clock.ends[1:][blocks.kinds == Kind.SWITCH]
-            taken = (_taken(clock, until, at + began) - said)[early]
-            astray = float(np.max(np.abs(taken - delays[early])))
-            if astray < least:
-                best, least = blocks, astray
+            taken = _taken(clock, until, at + began) - said
+            tried = np.where(early, np.abs(taken - delays), 0.0)
+            if np.max(tried) < least:
+                best, off, least = blocks, tried, float(np.max(tried))
             if least <= SETTLED:
                 break
-            ahead[early] = search.next(ahead[early], taken)
-        return best
+            ahead[early] = search.next(ahead[early], taken[early])
+        return best, off
 
 
 class _Search:
@@ -230,7 +264,13 @@ def _shares(until: Floats, asked: Floats) -> tuple[Ints, Floats]:
     return block, np.clip((asked - until[block]) / np.where(spans > 0.0, spans, 1.0), 0.0, 1.0)
 
 
-def stroke_blocks(stroke: Stroke, times: Floats, tolerance: float = 0.0, placed: Floats | None = None) -> PlannedBlocks:
+def stroke_blocks(
+    stroke: Stroke,
+    times: Floats,
+    tolerance: float = 0.0,
+    placed: Floats | None = None,
+    stopped: NDArray[np.uint8] | None = None,
+) -> PlannedBlocks:
     """Return the blocks after a stroke's first node, with a block boundary at every word.
 
     A word that must precede the stroke's beginning makes the head wait there.
@@ -240,6 +280,7 @@ def stroke_blocks(stroke: Stroke, times: Floats, tolerance: float = 0.0, placed:
         times: (m,) seconds at its nodes.
         tolerance: metres by which the control may round off the nodes that it passes without a stop.
         placed: (w,) seconds of the words by rising node; without them each is its delay ahead of its node.
+        stopped: (w,) how the control passes the place of each word between nodes; without them without a stop.
     """
     nodes = np.column_stack([stroke.joints, stroke.passed, stroke.arcs])
     words = sorted(stroke.words, key=lambda word: word.node)
@@ -259,8 +300,11 @@ def stroke_blocks(stroke: Stroke, times: Floats, tolerance: float = 0.0, placed:
         after = np.searchsorted(times, new)
         share = (new - times[after - 1]) / (times[after] - times[after - 1])
         between = nodes[after - 1] + share[:, None] * (nodes[after] - nodes[after - 1])
-        # A block that is split goes on over the new boundary, where the control can.
+        # A block that is split goes on over the new boundary, unless a word asks for a stop.
         between[:, -2] = Pass.ON
+        if stopped is not None:
+            for stop in np.flatnonzero(stopped != Pass.ON):
+                between[new == at[stop], -2] = stopped[stop]
         times, nodes = np.insert(times, after, new), np.insert(nodes, after, between, axis=0)
     # Blocks are ordered by the node that ends them, and every word follows the block that ends at its time; stable
     # sorts keep the nominal order of words at the same time.
