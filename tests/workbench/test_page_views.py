@@ -11,10 +11,12 @@ import pytest
 
 from tapelayer.arrays import Floats
 from tapelayer.courses.course import Course
-from tapelayer.courses.course_file import format_courses
+from tapelayer.courses.course_file import format_courses, parse_courses
+from tapelayer.geometry.curves import Curve
+from tapelayer.laying.placing import courses_in_machine
 from tests.helpers.browsing import Camera, Person, api, chromium
 from tests.helpers.served import Workbench
-from tests.workbench.test_page import EXAMPLE, Made
+from tests.workbench.test_page import COURSES, EXAMPLE, Made
 
 pytestmark = pytest.mark.browser
 
@@ -91,7 +93,7 @@ def triad(person: Person) -> dict[str, tuple[float, float]]:
 
 def below_the_buttons(person: Person) -> Floats:
     """The view as it looks, without the buttons that lie over it."""
-    tool = person["tape-colour"].bounding_box()
+    tool = person["colouring"].bounding_box()
     first = math.ceil(tool["y"] + tool["height"] - person["scene"].bounding_box()["y"])
     return person.picture("scene")[first:]
 
@@ -191,6 +193,46 @@ def test_keys_turn_move_and_zoom(laid: Person) -> None:
     laid["help"].click()
     laid.see("help-page", "turn the 3D view")
     laid.page.keyboard.press("Escape")
+
+
+def test_the_tape_is_coloured_by_the_speed_that_is_reached(laid: Person) -> None:
+    made = Made(laid)
+    set_speed = made.setup.process.lay_speed_mm_per_s
+    laid["view-top"].click()
+    laid["view-fit"].click()
+    laid["clock-place"].click()
+    laid.page.keyboard.press("End")
+    laid["colouring"].select_option("speed")
+    laid.see("legend", "speed reached, mm/s")
+    ticks = [float(tick) for tick in laid["legend"].locator(".ticks span").all_text_contents()]
+    assert ticks == [0.0, set_speed / 2, set_speed]
+    camera = Camera(laid)
+    red, green, blue = np.moveaxis(below_the_buttons(laid), 2, 0)
+    # Most of the tape is laid at the set speed, and its ends are not.
+    fast = ((red > 2 * blue) & (green > 1.8 * blue)).sum()
+    slow = ((green > 1.2 * red) & (blue > 1.2 * red)).sum()
+    assert fast > 5000 and 50 < slow < fast / 2, (fast, slow)
+    laid.keep("colour-speed")
+    answer = laid.get(f"/api/v1/jobs/{laid.job()}/errors")
+    columns = answer.headers["x-columns"].split(",")
+    errors = dict(zip(columns, np.frombuffer(answer.body(), "<f4").reshape(-1, len(columns)).T, strict=True))
+    own = errors["course"] == 5
+    along, speeds = errors["arc_length_mm"][own], errors["speed_mm_per_s"][own]
+    curve = Curve(courses_in_machine(parse_courses(COURSES, EXAMPLE), made.setup)[4])
+    for wanted in (int(np.argmax(speeds > set_speed / 2)), len(along) // 2):
+        place = curve.at(np.array([along[wanted] / 1e3]))[0][0]
+        laid["view-fit"].click()
+        camera.still()
+        camera.approach(place)
+        camera.point_at(place)
+        words = laid.text("scene-label").splitlines()
+        told = float(words[1].split(" mm")[0])
+        assert words[-1].startswith("speed ") and words[-1].endswith(" mm/s"), words
+        assert abs(told - along[wanted]) < 5
+        speed = float(words[-1].removeprefix("speed ").removesuffix(" mm/s"))
+        assert speed == pytest.approx(np.interp(told, along, speeds), abs=0.03 * set_speed)
+    laid["colouring"].select_option("course")
+    api.expect(laid["legend"]).to_have_count(0)
 
 
 def rows_of(count: int) -> bytes:
