@@ -334,6 +334,9 @@ def test_passes_are_coloured_by_the_speed_that_is_reached(sprayed: Person) -> No
         red, green, blue = np.moveaxis(sprayed.picture("scene")[60:, 230:], 2, 0)
         coloured.append(int(((red > 1.6 * blue) & (green > 1.5 * blue)).sum()))
     assert coloured[0] > 1.5 * coloured[1] > 3 * coloured[2] and coloured[1] > 500, coloured
+    spans = sprayed["ruler"].locator("path.band[data-phase=on]").get_attribute("d")
+    on = sum(float(end) - float(begin) for begin, end in re.findall(r"M([\d.]+) \.5H([\d.]+)", spans))
+    assert on == pytest.approx(np.sum(made.moves.durations[made.lit]), rel=1e-3)
     sprayed["colouring"].select_option("coat")
     sprayed.see("legend", "thickness")
 

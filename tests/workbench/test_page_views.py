@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,6 +15,7 @@ from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import format_courses, parse_courses
 from tapelayer.geometry.curves import Curve
 from tapelayer.laying.placing import courses_in_machine
+from tapelayer.motion.trajectory import Event, Kind
 from tests.helpers.browsing import Camera, Person, api, chromium
 from tests.helpers.served import Workbench
 from tests.workbench.test_page import COURSES, EXAMPLE, Made
@@ -233,6 +235,64 @@ def test_the_tape_is_coloured_by_the_speed_that_is_reached(laid: Person) -> None
         assert speed == pytest.approx(np.interp(told, along, speeds), abs=0.03 * set_speed)
     laid["colouring"].select_option("course")
     api.expect(laid["legend"]).to_have_count(0)
+
+
+def phases_of(made: Made) -> list[str]:
+    """What the machine does in each block, by the program alone."""
+    moves = made.trajectory
+    held = np.vstack([moves.start, moves.positions])
+    for row in range(1, len(held)):
+        held[row] = np.where(np.isnan(held[row]), held[row - 1], held[row])
+    moved = np.nan_to_num(held[1:]) != np.nan_to_num(held[:-1])
+    down = np.cumsum((moves.events == Event.SHOE_DOWN).astype(int) - (moves.events == Event.SHOE_UP)) > 0
+    fed = moved[:, moves.column("u")] & (moves.kinds == Kind.LINEAR)
+    found = np.where(down, "laying", np.where(fed, "threading", "link"))
+    return list(np.where(moved.any(axis=1), found, "stop"))
+
+
+# So fast that the tape stops for knives, and a shoe that the machine waits for.
+HASTY = b"[process]\nlay_speed_mm_per_s = 1000\n[head]\ndelays_ms = {shoe = 400, knife = 600}\n"
+
+
+def test_the_ruler_tells_what_the_machine_does_when(laid: Person) -> None:
+    laid.choose_file("load-setup", "hasty.toml", HASTY)
+    api.expect(laid["field-process-lay_speed_mm_per_s"]).to_have_value("1000")
+    assert laid.generate() == "done"
+    laid.made()
+    made = Made(laid)
+    duration, bands = made.report["duration_s"], []
+    for path in laid["ruler"].locator("path.band").all():
+        spans = re.findall(r"M([\d.]+) \.5H([\d.]+)", path.get_attribute("d"))
+        bands += [(float(begin), float(end), path.get_attribute("data-phase")) for begin, end in spans]
+    bands.sort()
+    begins, ends, phases = (np.array(column) for column in zip(*bands, strict=True))
+    # They cover the program's time without gaps, on the slider's scale.
+    np.testing.assert_allclose(begins, [0.0, *ends[:-1]], atol=1e-4)
+    assert ends[-1] == pytest.approx(duration, abs=1e-3)
+    assert float(laid["scrub"].get_attribute("max")) == pytest.approx(duration, abs=1e-3)
+    assert float(laid["ruler"].get_attribute("viewBox").split()[2]) == pytest.approx(duration, abs=1e-3)
+    slider, ruler = laid["scrub"].bounding_box(), laid["ruler"].bounding_box()
+    assert ruler["y"] >= slider["y"] and slider["width"] - 24 < ruler["width"] < slider["width"]
+    moves, expected = made.trajectory, phases_of(made)
+    assert moves.duration == pytest.approx(duration, rel=1e-6)
+    lasting = np.flatnonzero(moves.durations > 2e-3)
+    told = phases[np.searchsorted(ends, moves.times[lasting] - moves.durations[lasting] / 2)]
+    assert list(told) == [expected[block] for block in lasting]
+    assert set(phases) == {"laying", "threading", "link", "stop"}
+    share = 100 * np.sum((ends - begins)[phases == "threading"]) / duration
+    threading = np.sum(moves.durations[[phase == "threading" for phase in expected]])
+    assert share == pytest.approx(100 * threading / duration, abs=0.1)
+    # Stops that take no time are marked where they are.
+    marks = laid["ruler"].locator("path.mark[data-phase=stop]").get_attribute("d")
+    stops = [moves.times[np.flatnonzero(moves.lines == stop["line"])[-1]] for stop in made.report["stops"]]
+    assert len(stops) == made.report["laying_stops"] > 0
+    np.testing.assert_allclose([float(mark) for mark in re.findall(r"M([\d.]+) 0V1", marks)], stops, atol=1e-3)
+    legend = {span.text_content(): span.get_attribute("title") for span in laid["phases"].locator("span").all()}
+    assert set(legend) == {"laying", "threading", "links", "stops"}
+    assert legend["threading"].endswith(f", {share:.1f} %")
+    assert legend["stops"].endswith(f" %, {len(stops)} while laying")
+    laid.keep("ruler")
+    laid["reset-setup"].click()
 
 
 def rows_of(count: int) -> bytes:
