@@ -20,7 +20,7 @@ class Samples(SampleTable):
         arc_lengths: (n,) metres along the course, from the tape fed.
         times: (n,) seconds from the program's start.
         asked: (n,) the same as the words ask for it, without ramps.
-        speeds: (n,) m/s of the tape as the control feeds it.
+        speeds: (n,) m/s of the nip over the surface on the control.
         nips: (n, 3) the course's point under the nip, `machine` axes, metres.
         normal_errors: (n,) contact off the course along the normal, metres.
         lateral_errors: (n,) contact off the course along the surface, across the travel, metres.

@@ -37,6 +37,8 @@ from tapelayer.verification.verified import Verified
 NIP_SPEED_MARGIN = 0.01
 # Rounded feeds shift a switch against the motion by microseconds: tape that runs back no farther counts as at rest.
 RUN_BACK = 1e-6
+# Shorter steps of the tape, in metres, tell nothing of how the nip moves over the surface with it.
+LEAST_STEP = 1e-6
 _NO_TAPE = TapeLedger((), (), (), 0.0, 0.0, 0.0, 0.0)
 
 
@@ -194,7 +196,7 @@ class Inspector(Judge[Evidence]):
             arc_lengths=arc_lengths,
             times=places.times,
             asked=places.asked,
-            speeds=places.feeds,
+            speeds=places.feeds * _ratios(arc_lengths, fed, places.courses),
             nips=points,
             normal_errors=dot(error, normals),
             lateral_errors=dot(error, square),
@@ -340,3 +342,19 @@ def _switches(delays: DelaySettings) -> dict[str, Switch]:
         Switch("knife_2", Event.KNIFE_2_DOWN, Event.KNIFE_2_UP, delays.knife),
     )
     return {switch.name: switch for switch in switches}
+
+
+def _ratios(arc_lengths: Floats, fed: Floats, courses: Ints) -> Floats:
+    """Return how far (n,) the nip moves over the surface per tape fed: where the surface bends, it moves on the roller.
+
+    Args:
+        arc_lengths: (n,) metres along the course.
+        fed: (n,) tape, metres.
+        courses: (n,) index of the course.
+    """
+    steps = np.diff(fed)
+    fine = (np.diff(courses) == 0) & (steps > LEAST_STEP)
+    ratios = np.divide(np.diff(arc_lengths), steps, out=np.zeros(len(steps)), where=fine)
+    sums = np.append(ratios, 0.0) + np.append(0.0, ratios)
+    counts = np.append(fine, False).astype(np.float64) + np.append(False, fine)
+    return np.where(counts > 0.0, sums / np.maximum(counts, 1.0), 1.0)

@@ -462,8 +462,8 @@ ROWS: tuple[Row[Evidence], ...] = (
         "max_laying_speed_mm_per_s",
         Words("top laying speed", "最高铺放速度"),
         Words(
-            "greatest speed of the tape on the control, which where blocks overlap can exceed the speed that is set",
-            "数控系统上带料的最高速度；程序段重叠处可能超过设定速度",
+            "greatest speed of the nip on the control, which where blocks overlap can exceed the speed that is set",
+            "数控系统上压点的最高速度；程序段重叠处可能超过设定速度",
         ),
         "mm/s",
         1,

@@ -61,6 +61,7 @@ def error_table(samples: Samples, numbers: Ints) -> SceneTable:
         "time_s": samples.times,
         "course": numbers[samples.courses.astype(np.int64)],
         "arc_length_mm": samples.arc_lengths / MM,
+        "speed_mm_per_s": samples.speeds / MM,
         "normal_error_mm": samples.normal_errors / MM,
         "lateral_error_mm": samples.lateral_errors / MM,
         "position_error_mm": samples.position_errors / MM,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Ints, Mask
+from tapelayer.arrays import Floats, Ints, Mask, SampleTable
 from tapelayer.motion.trajectory import MOTIONS, Event, Trajectory
 from tapelayer.vectors import ramp
 from tapelayer.verification.sampling import sample_counts
@@ -63,14 +63,36 @@ def stops_of(trajectory: Trajectory) -> int:
     return int(np.sum(trajectory.clock.stands[rows[:-1]] & (np.diff(switched) == 0)))
 
 
-def sampled(trajectory: Trajectory, blocks: Ints) -> tuple[Floats, Floats, Floats, Ints]:
-    """Return joint values (n, k), times and asked times (n,) in seconds and blocks (n,) of samples in blocks (b,)."""
-    counts = sample_counts(lengths_of(trajectory, blocks), SPRAYED_SAMPLE_STEP)
-    block, step = ramp(counts)
-    rows, fractions = np.append(blocks[0], blocks[block]), np.append(0.0, (step + 1) / counts[block])
-    requested = trajectory.requested
-    asked = np.cumsum(requested)[rows] - (1.0 - fractions) * requested[rows]
-    return trajectory.rounded(rows, fractions), trajectory.moments(rows, fractions), asked, rows
+@dataclass(frozen=True, eq=False)
+class RunSamples(SampleTable):
+    """Samples of an arc run, in order.
+
+    Attributes:
+        joints: (n, k) joint values, metres and radians.
+        times: (n,) seconds from the program's start.
+        asked: (n,) the same as the words ask for it, without ramps.
+        speeds: (n,) m/s of P on the control.
+        blocks: (n,) index of the block.
+    """
+
+    joints: Floats
+    times: Floats
+    asked: Floats
+    speeds: Floats
+    blocks: Ints
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, blocks: Ints) -> RunSamples:
+        """Return the samples in blocks (b,)."""
+        lengths = lengths_of(trajectory, blocks)
+        counts = sample_counts(lengths, SPRAYED_SAMPLE_STEP)
+        block, step = ramp(counts)
+        block, fractions = np.append(0, block), np.append(0.0, (step + 1) / counts[block])
+        rows, requested = blocks[block], trajectory.requested
+        times = trajectory.moments(rows, fractions)
+        asked = np.cumsum(requested)[rows] - (1.0 - fractions) * requested[rows]
+        speeds = trajectory.paces(rows, times) * lengths[block]
+        return cls(trajectory.rounded(rows, fractions), times, asked, speeds, rows)
 
 
 def lengths_of(trajectory: Trajectory, blocks: Ints) -> Floats:

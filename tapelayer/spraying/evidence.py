@@ -21,6 +21,7 @@ class SpraySamples(SampleTable):
         arc_lengths: (n,) metres along the pass; negative on the link from the previous pass.
         times: (n,) seconds from the program's start.
         asked: (n,) the same as the words ask for it, without ramps.
+        speeds: (n,) m/s of P on the control.
         points: (n, 3) P, `machine` axes, metres.
         axes: (n, 3) the gun's axis, unit, out of the surface.
         position_errors: (n,) P off the smoothed path, metres.
@@ -42,6 +43,7 @@ class SpraySamples(SampleTable):
     arc_lengths: Floats
     times: Floats
     asked: Floats
+    speeds: Floats
     points: Floats
     axes: Floats
     position_errors: Floats

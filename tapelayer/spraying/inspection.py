@@ -16,7 +16,7 @@ from tapelayer.machines.wrist import AXES
 from tapelayer.motion.corners import Rule
 from tapelayer.motion.trajectory import MOTIONS, Event, Trajectory
 from tapelayer.progress import Tick, silent
-from tapelayer.spraying.arc_runs import ArcRun, arc_on, arc_runs_of, lengths_of, sampled, stops_of
+from tapelayer.spraying.arc_runs import ArcRun, RunSamples, arc_on, arc_runs_of, lengths_of, stops_of
 from tapelayer.spraying.evidence import MeasuredSplit, SprayEvidence, SpraySamples
 from tapelayer.spraying.limits import limits_of
 from tapelayer.spraying.passes import NO_FACET, Pass, Split
@@ -152,8 +152,8 @@ class SprayInspector(Judge[SprayEvidence]):
     ) -> tuple[SpraySamples, Ints]:
         """Return the samples of an arc run, and the block (n,) of each."""
         planned = self.passes[run.index]
-        joints, times, asked, blocks = sampled(trajectory, run.blocks)
-        points, axes = self._gun(joints)
+        sampled = RunSamples.of(trajectory, run.blocks)
+        points, axes = self._gun(sampled.joints)
         places, path = planned.path.arc_lengths, planned.path.points
         if run.linked and before is not None and before.index == run.index - 1:
             start = self.passes[before.index].path.points[-1]
@@ -176,8 +176,9 @@ class SprayInspector(Judge[SprayEvidence]):
             passes=np.full(len(arcs), run.index),
             pieces=np.full(len(arcs), piece),
             arc_lengths=arcs,
-            times=times,
-            asked=asked,
+            times=sampled.times,
+            asked=sampled.asked,
+            speeds=sampled.speeds,
             points=points,
             axes=axes,
             position_errors=errors,
@@ -185,7 +186,7 @@ class SprayInspector(Judge[SprayEvidence]):
             deviations=np.fmax(*deviations),
             exempt=exempt,
         )
-        return samples, blocks
+        return samples, sampled.blocks
 
     def _gun(self, joints: Floats) -> tuple[Floats, Floats]:
         """Return P (n, 3) in metres and the gun's axis (n, 3), by the model, for values (n, 5) of `AXES`."""

@@ -41,6 +41,7 @@ def error_table(samples: SpraySamples, numbers: Ints) -> SceneTable:
         "time_s": samples.times,
         "pass": numbers[samples.passes.astype(np.int64)],
         "arc_length_mm": samples.arc_lengths / MM,
+        "speed_mm_per_s": samples.speeds / MM,
         "position_error_mm": samples.position_errors / MM,
         "surface_distance_mm": samples.surface_distances / MM,
         "deviation_deg": samples.deviations / DEG,

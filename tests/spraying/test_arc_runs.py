@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.trajectory import MOTIONS, Event, Kind, Trajectory
-from tapelayer.spraying.arc_runs import SPRAYED_SAMPLE_STEP, arc_on, arc_runs_of, lengths_of, sampled
+from tapelayer.spraying.arc_runs import SPRAYED_SAMPLE_STEP, RunSamples, arc_on, arc_runs_of, lengths_of
 from tapelayer.verification.sampling import LEAST_SAMPLES
 from tests.helpers.panels import flat, sheet
 from tests.helpers.sprayed import sprayed
@@ -78,7 +78,8 @@ def test_a_plate_is_sprayed_in_one_run_a_pass() -> None:
 def test_samples_are_the_blocks_ends_and_evenly_between(seed: int, count: int) -> None:
     trajectory = any_trajectory([(Event.NONE, 0, Kind.LINEAR)] * (count + 1), seed)
     chosen = np.arange(1, count + 1)
-    joints, times, asked, rows = sampled(trajectory, chosen)
+    found = RunSamples.of(trajectory, chosen)
+    joints, times, asked, rows = found.joints, found.times, found.asked, found.blocks
     np.testing.assert_allclose(asked, times, atol=1e-12)
     ends = trajectory.times
     assert rows[0] == chosen[0] and times[0] == pytest.approx(ends[0])
@@ -93,6 +94,7 @@ def test_samples_are_the_blocks_ends_and_evenly_between(seed: int, count: int) -
         begin, end = trajectory.positions[block - 1], trajectory.positions[block]
         np.testing.assert_allclose(joints[own], begin + shares * (end - begin), atol=1e-12)
         np.testing.assert_allclose(times[own], ends[block - 1] + shares[:, 0] * trajectory.durations[block], atol=1e-12)
+        np.testing.assert_allclose(found.speeds[own], way / trajectory.durations[block], rtol=1e-9)
         at = own[-1]
     assert at == len(times) - 1
 

@@ -300,6 +300,47 @@ def test_the_coat_s_scale_is_set(sprayed: Person) -> None:
     sprayed.see("legend", "over the mean + 10 %")
 
 
+def test_passes_are_coloured_by_the_speed_that_is_reached(sprayed: Person) -> None:
+    made = Sprayed(sprayed)
+    sprayed["view-top"].click()
+    sprayed["view-fit"].click()
+    sprayed["clock-place"].click()
+    sprayed.page.keyboard.press("End")
+    sprayed["colouring"].select_option("speed")
+    sprayed.see("legend", "speed reached, mm/s")
+    set_speed = made.setup.spray.speed_mm_per_s
+    ticks = [float(tick) for tick in sprayed["legend"].locator(".ticks span").all_text_contents()]
+    assert ticks == [0.0, set_speed / 2, set_speed]
+    camera = Camera(sprayed)
+    table = sprayed.get(f"/api/v1/jobs/{sprayed.job()}/errors")
+    columns = table.headers["x-columns"].split(",")
+    errors = dict(zip(columns, np.frombuffer(table.body(), "<f4").reshape(-1, len(columns)).T, strict=True))
+    middle = made.samples[int(np.argmin(np.linalg.norm(made.samples - made.samples.mean(axis=0), axis=1)))]
+    camera.approach(middle)
+    camera.point_at(middle)
+    sprayed.keep("colour-speed-sprayed")
+    words = sprayed.text("scene-label").splitlines()
+    number, along = (float(re.search(r"[\d.]+", line)[0]) for line in words[:2])
+    own = errors["pass"] == number
+    speed = float(re.fullmatch(r"speed ([\d.]+) mm/s", words[-1])[1])
+    assert speed == pytest.approx(np.interp(along, errors["arc_length_mm"][own], errors["speed_mm_per_s"][own]), abs=2)
+    # What is not sprayed yet has no colour: fewer and fewer coloured pixels towards the program's start.
+    sprayed["view-fit"].click()
+    coloured = []
+    for share in (1.0, 0.5, 0.0):
+        slider = sprayed["scrub"].bounding_box()
+        sprayed.page.mouse.click(slider["x"] + 8 + share * (slider["width"] - 16), slider["y"] + slider["height"] / 2)
+        camera.still()
+        red, green, blue = np.moveaxis(sprayed.picture("scene")[60:, 230:], 2, 0)
+        coloured.append(int(((red > 1.6 * blue) & (green > 1.5 * blue)).sum()))
+    assert coloured[0] > 1.5 * coloured[1] > 3 * coloured[2] and coloured[1] > 500, coloured
+    spans = sprayed["ruler"].locator("path.band[data-phase=on]").get_attribute("d")
+    on = sum(float(end) - float(begin) for begin, end in re.findall(r"M([\d.]+) \.5H([\d.]+)", spans))
+    assert on == pytest.approx(np.sum(made.moves.durations[made.lit]), rel=1e-3)
+    sprayed["colouring"].select_option("coat")
+    sprayed.see("legend", "thickness")
+
+
 def test_a_spray_job_speaks_of_passes_alone(sprayed: Person) -> None:
     for place in ("program", "course-select", "scene", "ledger", "verdict"):
         told = " ".join([sprayed.text(place), sprayed[place].get_attribute("aria-label") or ""])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,10 +12,13 @@ import pytest
 
 from tapelayer.arrays import Floats
 from tapelayer.courses.course import Course
-from tapelayer.courses.course_file import format_courses
+from tapelayer.courses.course_file import format_courses, parse_courses
+from tapelayer.geometry.curves import Curve
+from tapelayer.laying.placing import courses_in_machine
+from tapelayer.motion.trajectory import Event, Kind
 from tests.helpers.browsing import Camera, Person, api, chromium
 from tests.helpers.served import Workbench
-from tests.workbench.test_page import EXAMPLE, Made
+from tests.workbench.test_page import COURSES, EXAMPLE, Made
 
 pytestmark = pytest.mark.browser
 
@@ -91,7 +95,7 @@ def triad(person: Person) -> dict[str, tuple[float, float]]:
 
 def below_the_buttons(person: Person) -> Floats:
     """The view as it looks, without the buttons that lie over it."""
-    tool = person["tape-colour"].bounding_box()
+    tool = person["colouring"].bounding_box()
     first = math.ceil(tool["y"] + tool["height"] - person["scene"].bounding_box()["y"])
     return person.picture("scene")[first:]
 
@@ -191,6 +195,104 @@ def test_keys_turn_move_and_zoom(laid: Person) -> None:
     laid["help"].click()
     laid.see("help-page", "turn the 3D view")
     laid.page.keyboard.press("Escape")
+
+
+def test_the_tape_is_coloured_by_the_speed_that_is_reached(laid: Person) -> None:
+    made = Made(laid)
+    set_speed = made.setup.process.lay_speed_mm_per_s
+    laid["view-top"].click()
+    laid["view-fit"].click()
+    laid["clock-place"].click()
+    laid.page.keyboard.press("End")
+    laid["colouring"].select_option("speed")
+    laid.see("legend", "speed reached, mm/s")
+    ticks = [float(tick) for tick in laid["legend"].locator(".ticks span").all_text_contents()]
+    assert ticks == [0.0, set_speed / 2, set_speed]
+    camera = Camera(laid)
+    red, green, blue = np.moveaxis(below_the_buttons(laid), 2, 0)
+    # Most of the tape is laid at the set speed, and its ends are not.
+    fast = ((red > 2 * blue) & (green > 1.8 * blue)).sum()
+    slow = ((green > 1.2 * red) & (blue > 1.2 * red)).sum()
+    assert fast > 5000 and 50 < slow < fast / 2, (fast, slow)
+    laid.keep("colour-speed")
+    answer = laid.get(f"/api/v1/jobs/{laid.job()}/errors")
+    columns = answer.headers["x-columns"].split(",")
+    errors = dict(zip(columns, np.frombuffer(answer.body(), "<f4").reshape(-1, len(columns)).T, strict=True))
+    own = errors["course"] == 5
+    along, speeds = errors["arc_length_mm"][own], errors["speed_mm_per_s"][own]
+    curve = Curve(courses_in_machine(parse_courses(COURSES, EXAMPLE), made.setup)[4])
+    for wanted in (int(np.argmax(speeds > set_speed / 2)), len(along) // 2):
+        place = curve.at(np.array([along[wanted] / 1e3]))[0][0]
+        laid["view-fit"].click()
+        camera.still()
+        camera.approach(place)
+        camera.point_at(place)
+        words = laid.text("scene-label").splitlines()
+        told = float(words[1].split(" mm")[0])
+        assert words[-1].startswith("speed ") and words[-1].endswith(" mm/s"), words
+        assert abs(told - along[wanted]) < 5
+        speed = float(words[-1].removeprefix("speed ").removesuffix(" mm/s"))
+        assert speed == pytest.approx(np.interp(told, along, speeds), abs=0.03 * set_speed)
+    laid["colouring"].select_option("course")
+    api.expect(laid["legend"]).to_have_count(0)
+
+
+def phases_of(made: Made) -> list[str]:
+    """What the machine does in each block, by the program alone."""
+    moves = made.trajectory
+    held = np.vstack([moves.start, moves.positions])
+    for row in range(1, len(held)):
+        held[row] = np.where(np.isnan(held[row]), held[row - 1], held[row])
+    moved = np.nan_to_num(held[1:]) != np.nan_to_num(held[:-1])
+    down = np.cumsum((moves.events == Event.SHOE_DOWN).astype(int) - (moves.events == Event.SHOE_UP)) > 0
+    fed = moved[:, moves.column("u")] & (moves.kinds == Kind.LINEAR)
+    found = np.where(down, "laying", np.where(fed, "threading", "link"))
+    return list(np.where(moved.any(axis=1), found, "stop"))
+
+
+# So fast that the tape stops for knives, and a shoe that the machine waits for.
+HASTY = b"[process]\nlay_speed_mm_per_s = 1000\n[head]\ndelays_ms = {shoe = 400, knife = 600}\n"
+
+
+def test_the_ruler_tells_what_the_machine_does_when(laid: Person) -> None:
+    laid.choose_file("load-setup", "hasty.toml", HASTY)
+    api.expect(laid["field-process-lay_speed_mm_per_s"]).to_have_value("1000")
+    assert laid.generate() == "done"
+    laid.made()
+    made = Made(laid)
+    duration, bands = made.report["duration_s"], []
+    for path in laid["ruler"].locator("path.band").all():
+        spans = re.findall(r"M([\d.]+) \.5H([\d.]+)", path.get_attribute("d"))
+        bands += [(float(begin), float(end), path.get_attribute("data-phase")) for begin, end in spans]
+    bands.sort()
+    begins, ends, phases = (np.array(column) for column in zip(*bands, strict=True))
+    # They cover the program's time without gaps, on the slider's scale.
+    np.testing.assert_allclose(begins, [0.0, *ends[:-1]], atol=1e-4)
+    assert ends[-1] == pytest.approx(duration, abs=1e-3)
+    assert float(laid["scrub"].get_attribute("max")) == pytest.approx(duration, abs=1e-3)
+    assert float(laid["ruler"].get_attribute("viewBox").split()[2]) == pytest.approx(duration, abs=1e-3)
+    slider, ruler = laid["scrub"].bounding_box(), laid["ruler"].bounding_box()
+    assert ruler["y"] >= slider["y"] and slider["width"] - 24 < ruler["width"] < slider["width"]
+    moves, expected = made.trajectory, phases_of(made)
+    assert moves.duration == pytest.approx(duration, rel=1e-6)
+    lasting = np.flatnonzero(moves.durations > 2e-3)
+    told = phases[np.searchsorted(ends, moves.times[lasting] - moves.durations[lasting] / 2)]
+    assert list(told) == [expected[block] for block in lasting]
+    assert set(phases) == {"laying", "threading", "link", "stop"}
+    share = 100 * np.sum((ends - begins)[phases == "threading"]) / duration
+    threading = np.sum(moves.durations[[phase == "threading" for phase in expected]])
+    assert share == pytest.approx(100 * threading / duration, abs=0.1)
+    # Stops that take no time are marked where they are.
+    marks = laid["ruler"].locator("path.mark[data-phase=stop]").get_attribute("d")
+    stops = [moves.times[np.flatnonzero(moves.lines == stop["line"])[-1]] for stop in made.report["stops"]]
+    assert len(stops) == made.report["laying_stops"] > 0
+    np.testing.assert_allclose([float(mark) for mark in re.findall(r"M([\d.]+) 0V1", marks)], stops, atol=1e-3)
+    legend = {span.text_content(): span.get_attribute("title") for span in laid["phases"].locator("span").all()}
+    assert set(legend) == {"laying", "threading", "links", "stops"}
+    assert legend["threading"].endswith(f", {share:.1f} %")
+    assert legend["stops"].endswith(f" %, {len(stops)} while laying")
+    laid.keep("ruler")
+    laid["reset-setup"].click()
 
 
 def rows_of(count: int) -> bytes:

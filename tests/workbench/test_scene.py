@@ -212,6 +212,34 @@ def test_errors_are_the_samples(laid: LayingResult, drawn: Scene) -> None:
         assert (own[0], own[-1]) == (0.0, pytest.approx(length, abs=0.05))
 
 
+def assert_speeds_cover(ways: Floats, times: Floats, speeds: Floats, set_speed: float) -> None:
+    """Over its time, the speed covers the way between neighbouring samples; both in mm."""
+    covered = np.diff(times) * (speeds[:-1] + speeds[1:]) / 2.0
+    assert np.sum(covered) == pytest.approx(np.sum(ways), rel=0.01)
+    assert np.max(np.abs(covered - ways)) < 1.0
+    assert np.min(speeds) >= 0.0 and np.max(speeds) <= set_speed * 1.001
+    # Both at set speed and in ramps.
+    assert np.any(speeds > 0.99 * set_speed) and np.sum(speeds < 0.9 * set_speed) > 10
+
+
+def test_the_tape_s_speed_is_the_one_reached(laid: LayingResult, drawn: Scene) -> None:
+    samples, set_speed = laid.evidence.samples, laid.job.setup.process.lay_speed_mm_per_s
+    speeds = drawn.column("errors", "speed_mm_per_s")
+    for index, number in enumerate((7, 3)):
+        own = samples.courses == index
+        assert np.all(drawn.column("errors", "course")[own] == number)
+        assert_speeds_cover(np.diff(samples.arc_lengths[own]) / MM, samples.times[own], speeds[own], set_speed)
+
+
+def test_the_gun_s_speed_is_the_one_reached(sprayed: SprayResult) -> None:
+    samples, set_speed = sprayed.evidence.samples, sprayed.job.setup.spray.speed_mm_per_s
+    speeds = scene_of(sprayed).column("errors", "speed_mm_per_s")
+    ways = np.linalg.norm(np.diff(samples.points, axis=0), axis=1) / MM
+    longest = max(np.unique(samples.pieces), key=lambda piece: np.sum(samples.pieces == piece))
+    own = samples.pieces == longest
+    assert_speeds_cover(ways[own[1:] & own[:-1]], samples.times[own], speeds[own], set_speed)
+
+
 @pytest.mark.parametrize("degrees", [(90.0, 90.0), (45.0, 120.0), (150.0, 20.0), (90.0, 15.0)])
 @pytest.mark.parametrize("length", [0.3, 0.6])
 def test_flat_tape_is_as_long_and_wide_as_it_is_laid(degrees: tuple[float, float], length: float) -> None:

@@ -4,6 +4,7 @@ import { type Motion, motionOf } from "../views/motion";
 import { FIRST } from "../data/kinds";
 import type { Clock, CreatePlayer, Kind, Made } from "../data/types";
 import { digitsOf, fixed } from "../data/quantities";
+import { Ruler } from "./ruler";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 50];
 const DIGITS = 3;
@@ -142,14 +143,16 @@ export const createPlayer: CreatePlayer = (root, t) => {
   const now = h("output", { class: "player-time", testid: "clock-time" });
   const place = h("output", { class: "player-place", testid: "clock-place" });
   const lamps = h("div", { class: "player-lamps" });
+  const ruler = new Ruler(t);
   const axes = h("dl", { class: "player-axes", tLabel: "player.axes" });
   const values: HTMLElement[] = [];
   const lights: HTMLElement[] = [];
   let kind: Kind = FIRST;
+  let shown: Made | null = null;
   root.classList.add("player");
   root.append(
-    h("div", { class: "player-bar" }, back, play, forward, scrub, speed, now),
-    h("div", { class: "player-below" }, place, lamps),
+    h("div", { class: "player-bar" }, back, play, forward, h("div", { class: "player-track" }, scrub, ruler.element), speed, now),
+    h("div", { class: "player-below" }, place, ruler.legend, lamps),
     axes,
   );
 
@@ -218,12 +221,15 @@ export const createPlayer: CreatePlayer = (root, t) => {
 
   function retranslate(): void {
     translateAll(root);
+    ruler.show(shown);
     readout();
   }
 
   function load(made: Made | null): void {
+    shown = made;
     if (made) kind = made.kind;
     const motion = made && motionOf(made);
+    ruler.show(made);
     build(motion);
     player.load(motion);
   }

@@ -13,7 +13,8 @@ type View = (typeof VIEWS)[number];
 const TOGETHER: Record<string, string[]> = { normal_error_mm: ["normal_error_mm", "lateral_error_mm"] };
 // Normal and lateral error are judged together by the position limit.
 const LIMIT_OF: Record<string, string> = { normal_error_mm: "position_error_mm" };
-const PLACES = ["time_s", "course", "pass", "arc_length_mm", "beside_crease"];
+// What tells where and how fast a value was measured.
+const PLACES = ["time_s", "course", "pass", "arc_length_mm", "speed_mm_per_s", "beside_crease"];
 const UNSIGNED = ["position_error_mm", "surface_distance_mm", "deviation_deg"];
 const BINS = 48;
 

@@ -2,7 +2,7 @@ import { Box3, Group } from "three";
 import type { Raycaster } from "three";
 import type { Made, Table } from "../data/types";
 import { t } from "../i18n";
-import { ERRORS, inDigits, legend, scaleOf } from "./legend";
+import { ERRORS, inDigits, legend, legendOfSpeed, scaleOf } from "./legend";
 import { Ribbons } from "./ribbons";
 import { type Spot, Track } from "./spot";
 import { type Colouring, numberOf, partOf, type Work } from "./work";
@@ -15,6 +15,7 @@ export class Laying implements Work {
   private readonly ribbons: Ribbons | null;
   private readonly part: ReturnType<typeof partOf>;
   private readonly track: Track | null;
+  private by: Colouring = "course";
 
   private constructor(
     private readonly made: Made,
@@ -41,8 +42,8 @@ export class Laying implements Work {
     return new Laying(made, part!, tape!, errors!, points!);
   }
 
-  get measured(): boolean {
-    return this.ribbons !== null && (this.errors?.rows ?? 0) > 0;
+  get colourings(): readonly Colouring[] {
+    return this.ribbons && this.errors?.rows ? ["course", "error", "speed"] : [];
   }
 
   show(time_s: number, _row: number, moving: boolean): void {
@@ -58,29 +59,42 @@ export class Laying implements Work {
     const { track } = this;
     if (!struck || !track) return null;
     const { course, along } = struck;
-    const measured = { what: "error", value: track.at("position_error_mm", course, along) };
+    const [what, column] = this.by === "speed" ? ["speed", "speed_mm_per_s"] : ["error", "position_error_mm"];
+    const measured = { what: what!, value: track.at(column!, course, along) };
     return { ...struck, point: track.point(course, along), time: track.at("time_s", course, along), measured };
   }
 
   colour(by: Colouring): HTMLElement | null {
-    if (!this.ribbons) return null;
-    if (by === "course" || !this.errors) {
-      this.ribbons.colourByCourse();
-      return null;
-    }
-    const errors = this.errors.column("position_error_mm");
-    const limit = numberOf(this.made.setup, "verification", "max_position_error_mm", Infinity);
-    const greatest = errors.reduce((most, error) => (error > most ? error : most), 0);
-    // Jobs are comparable only where the scale ends at the limit.
-    const most = Number.isFinite(limit) ? limit : greatest;
-    this.ribbons.colourBy(this.errors.column("time_s"), errors, most, limit);
-    const ticks = [0, most / 2, most].map(inDigits);
-    const notes: Record<string, string> = greatest <= limit ? {} : { beyond: t("scene.beyond") };
-    return legend(scaleOf(ERRORS, { title: t("scene.error"), ticks, notes }));
+    const { errors, ribbons } = this;
+    this.by = by;
+    if (!ribbons) return null;
+    if (by === "error" && errors) return this.colourByError(ribbons, errors);
+    if (by === "speed" && errors) return this.colourBySpeed(ribbons, errors);
+    ribbons.colourByCourse();
+    return null;
   }
 
   dispose(): void {
     this.ribbons?.dispose();
     this.part?.geometry.dispose();
+  }
+
+  private colourBySpeed(ribbons: Ribbons, table: Table): HTMLElement {
+    const set = numberOf(this.made.setup, "process", "lay_speed_mm_per_s", 0);
+    // Above the set speed the colour stays; the least around a place tells of a stop between two others.
+    ribbons.colourBy(table.column("time_s"), table.column("speed_mm_per_s"), set, Infinity, Math.min);
+    return legendOfSpeed(set);
+  }
+
+  private colourByError(ribbons: Ribbons, table: Table): HTMLElement {
+    const errors = table.column("position_error_mm");
+    const limit = numberOf(this.made.setup, "verification", "max_position_error_mm", Infinity);
+    const greatest = errors.reduce((most, error) => (error > most ? error : most), 0);
+    // Jobs are comparable only where the scale ends at the limit.
+    const most = Number.isFinite(limit) ? limit : greatest;
+    ribbons.colourBy(table.column("time_s"), errors, most, limit, Math.max);
+    const ticks = [0, most / 2, most].map(inDigits);
+    const notes: Record<string, string> = greatest <= limit ? {} : { beyond: t("scene.beyond") };
+    return legend(scaleOf(ERRORS, { title: t("scene.error"), ticks, notes }));
   }
 }

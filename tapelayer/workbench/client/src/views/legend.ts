@@ -1,4 +1,6 @@
+import { plain } from "../data/quantities";
 import { h } from "../elements";
+import { t } from "../i18n";
 
 /** Colours of a scale as RGB bytes, from the lowest value to the highest. */
 export type Ramp = Uint8Array;
@@ -39,6 +41,8 @@ const VIRIDIS: readonly [number, number, number][] = [
 export const ERRORS: Ramp = ramp(...VIRIDIS);
 
 export const COAT: Ramp = ERRORS;
+
+export const SPEEDS: Ramp = ERRORS;
 
 /** Grey for no coat yet. */
 export const BARE: readonly [number, number, number] = [150, 156, 162];
@@ -90,4 +94,9 @@ export function scaleOf(colours: Ramp, { title, ticks, notes }: Said): HTMLEleme
   const scale = h("div", { class: "ticks" }, ...ticks.map((tick) => h("span", {}, tick)));
   const named = Object.entries(notes).map(([name, note]) => h("span", { class: name }, note));
   return h("div", { class: "scale" }, h("span", {}, title), bar, scale, ...named);
+}
+
+/** The colour scale of speeds up to the set one, mm/s. */
+export function legendOfSpeed(set: number): HTMLElement {
+  return legend(scaleOf(SPEEDS, { title: t("scene.speed"), ticks: [0, set / 2, set].map(plain), notes: {} }));
 }

@@ -162,18 +162,29 @@ export class Ribbons {
   }
 
   /**
-   * Colours the tape by the errors measured while it was laid.
+   * Colours the tape by what was measured while it was laid, each pair by the worst up to halfway to its neighbours.
    *
-   * @param times seconds, ascending. @param errors at these times. @param most end of the ramp. @param limit of errors.
+   * @param times seconds, ascending. @param values at these times. @param most end of the ramp. @param limit of values.
+   * @param worst of two values.
    */
-  colourBy(times: Float32Array, errors: Float32Array, most: number, limit: number): void {
-    let sample = 0;
-    for (let pair = 0; pair < this.times.length; pair++) {
-      while (sample + 1 < times.length && times[sample]! < this.times[pair]!) sample += 1;
-      const error = errors[sample] ?? Number.NaN;
-      // An error that was not measured counts as beyond the limit.
-      const [colours, place] = error <= limit ? [SHADES, placeOf(error, most)] : [RED, 0];
-      for (let value = 0; value < 6; value++) this.tapeColours[6 * pair + value] = colours[place + (value % 3)]!;
+  colourBy(
+    times: Float32Array,
+    values: Float32Array,
+    most: number,
+    limit: number,
+    worst: (one: number, other: number) => number,
+  ): void {
+    const halfway = (pair: number, next: number): number => (this.times[pair]! + this.times[next]!) / 2;
+    for (const { first, end } of this.courses) {
+      for (let pair = first; pair < end; pair++) {
+        const [from, to] = [halfway(Math.max(pair - 1, first), pair), halfway(pair, Math.min(pair + 1, end - 1))];
+        let sample = Math.min(lowerBound(times, from), times.length - 1);
+        let value = values[sample] ?? Number.NaN;
+        while (++sample < times.length && times[sample]! <= to) value = worst(value, values[sample]!);
+        // What was not measured counts as beyond the limit.
+        const [colours, place] = value <= limit ? [SHADES, placeOf(value, most)] : [RED, 0];
+        for (let part = 0; part < 6; part++) this.tapeColours[6 * pair + part] = colours[place + (part % 3)]!;
+      }
     }
     this.coloured();
   }

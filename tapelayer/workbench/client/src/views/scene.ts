@@ -56,12 +56,10 @@ class ScenePicture implements ScenePanel {
   private readonly headless = button("hide-head", "scene.headless", "scene.headless.title", () => this.reveal(this.headless));
   private readonly gridless = button("hide-grid", "scene.gridless", "scene.gridless.title", () => this.reveal(this.gridless));
   private readonly plain = button("hide-passes", "scene.no-lines", "scene.no-lines.title", () => this.reveal(this.plain));
-  private readonly colouring = h(
-    "select",
-    { testid: "tape-colour", tTitle: "scene.colour", tLabel: "scene.colour", onchange: () => this.colour() },
-    h("option", { value: "course", t: "scene.colour.course" }),
-    h("option", { value: "error", t: "scene.colour.error" }),
-  );
+  private readonly colouring = h("select", {
+    ...{ testid: "colouring", tTitle: "scene.colour", tLabel: "scene.colour" },
+    onchange: () => this.recolour(),
+  });
   private readonly view: View;
   private readonly raycaster = new Raycaster();
   private readonly pointer = new Vector2();
@@ -173,7 +171,7 @@ class ScenePicture implements ScenePanel {
     this.view.scene.add(stage.object);
     this.pin(null);
     stage.select(this.selection.course);
-    this.colouring.hidden = !stage.measured;
+    this.offer(stage.colourings);
     this.plain.hidden = !stage.lined;
     this.reveal();
     this.colour();
@@ -256,6 +254,20 @@ class ScenePicture implements ScenePanel {
     if (pressed) pressed.ariaPressed = String(pressed.ariaPressed !== "true");
     this.stage?.reveal(this.bare.ariaPressed !== "true", this.plain.ariaPressed !== "true");
     this.view.draw();
+  }
+
+  /** Offers what the work can be coloured by; what was chosen stays if it can. */
+  private offer(colourings: readonly Colouring[]): void {
+    const { value } = this.colouring;
+    this.colouring.replaceChildren(...colourings.map((each) => h("option", { value: each, t: `scene.colour.${each}` })));
+    this.colouring.value = colourings.find((each) => each === value) ?? colourings[0] ?? "";
+    this.colouring.hidden = colourings.length < 2;
+  }
+
+  private recolour(): void {
+    // What was measured at the pinned place is told by the colouring.
+    this.pin(null);
+    this.colour();
   }
 
   private colour(): void {

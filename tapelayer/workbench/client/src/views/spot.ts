@@ -54,31 +54,43 @@ export class Track {
 
   /** Value of a column at an arc length in mm of a course. */
   at(column: string, course: number, along: number): number {
-    const rows = this.rows.get(course);
-    if (!rows) return Number.NaN;
-    const index = this.errors.index(column);
-    const value = (row: number): number => this.errors.data[row * this.errors.columns.length + index]!;
-    const next = Math.min(lowerBound(this.places, along, rows.end, rows.first), rows.end - 1);
-    const before = Math.max(next - 1, rows.first);
-    const span = this.places[next]! - this.places[before]!;
-    const share = span > 0 ? Math.min(Math.max((along - this.places[before]!) / span, 0), 1) : 1;
-    return value(before) + (value(next) - value(before)) * share;
+    return between(this.places, along, this.rows.get(course), this.valueOf(column));
+  }
+
+  /** Value of a column at a time. */
+  when(column: string, time_s: number): number {
+    return between(this.times, time_s, { first: 0, end: this.times.length }, this.valueOf(column));
   }
 
   /** Arc length in mm on a course at a time. */
   along(course: number, time_s: number): number {
-    const rows = this.rows.get(course);
-    if (!rows) return Number.NaN;
-    const next = Math.min(lowerBound(this.times, time_s, rows.end, rows.first), rows.end - 1);
-    const before = Math.max(next - 1, rows.first);
-    const span = this.times[next]! - this.times[before]!;
-    const share = span > 0 ? Math.min(Math.max((time_s - this.times[before]!) / span, 0), 1) : 1;
-    return this.places[before]! + (this.places[next]! - this.places[before]!) * share;
+    return between(this.times, time_s, this.rows.get(course), (row) => this.places[row]!);
+  }
+
+  private valueOf(column: string): (row: number) => number {
+    const index = this.errors.index(column);
+    return (row) => this.errors.data[row * this.errors.columns.length + index]!;
   }
 }
 
-/** First row and row after the last of every number. */
-type Stretches = Map<number, { first: number; end: number }>;
+/** Value at a place between rows of ascending places; NaN without rows, that of the nearest beyond their ends. */
+function between(places: Float32Array, place: number, rows: Stretch | undefined, value: (row: number) => number): number {
+  if (!rows || rows.end <= rows.first) return Number.NaN;
+  const next = Math.min(lowerBound(places, place, rows.end, rows.first), rows.end - 1);
+  const before = Math.max(next - 1, rows.first);
+  const span = places[next]! - places[before]!;
+  const share = span > 0 ? Math.min(Math.max((place - places[before]!) / span, 0), 1) : 1;
+  return value(before) + (value(next) - value(before)) * share;
+}
+
+/** First row and row after the last. */
+interface Stretch {
+  first: number;
+  end: number;
+}
+
+/** The rows of every number. */
+type Stretches = Map<number, Stretch>;
 
 function stretchesOf(numbers: Float32Array): Stretches {
   const found: Stretches = new Map();

@@ -16,7 +16,10 @@ import {
   Vector3,
 } from "three";
 import type { Raycaster } from "three";
-import { BARE, BEYOND, COAT, linear, placeOf, UNDER } from "./legend";
+import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
+import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
+import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeometry.js";
+import { BARE, BEYOND, COAT, linear, placeOf, SPEEDS, UNDER } from "./legend";
 import type { Machine3D } from "./machine3d";
 import { lowerBound, type Motion } from "./motion";
 import type { Table } from "../data/types";
@@ -28,7 +31,10 @@ const SPAN = 0.2;
 const TRACE = 0.01;
 // Samples this many times farther apart than usual are separated by a hole or a step.
 const FARTHEST = 3;
+// Width of a line that tells something by its colour, pixels.
+const WIDTH = 4;
 const SHADES = linear(COAT);
+const PACES = linear(SPEEDS);
 const [NONE, LITTLE, MUCH] = [linear(BARE), linear(UNDER), linear(BEYOND)];
 
 /** The growing coat on the part. Metres, in the machine's axes. */
@@ -193,7 +199,19 @@ export class Passes {
   readonly object = new Group();
   private readonly lines: LineSegments<BufferGeometry, LineBasicMaterial>;
   private readonly chosen: LineSegments<BufferGeometry, LineBasicMaterial>;
+  private readonly coloured = new LineSegments2(
+    new LineSegmentsGeometry(),
+    new LineMaterial({
+      ...{ linewidth: WIDTH, vertexColors: true },
+      // The coarsened part may lie over the passes.
+      ...{ polygonOffset: true, polygonOffsetFactor: -6, polygonOffsetUnits: -128 },
+    }),
+  );
   private readonly places: Float32Array;
+  /** Row at which each segment begins and that at which it ends. */
+  private readonly lit: number[] = [];
+  /** Seconds at which each segment is sprayed. */
+  private readonly ends: Float32Array;
 
   constructor(
     machine: Machine3D,
@@ -201,17 +219,19 @@ export class Passes {
   ) {
     const places = machine.path("P", motion);
     this.places = places;
-    const lit: number[] = [];
+    const { lit } = this;
     for (let row = 1; row < motion.rows; row++) {
       if (motion.isOn("arc", row - 1)) lit.push(row - 1, row);
     }
+    this.ends = Float32Array.from({ length: lit.length / 2 }, (_, segment) => motion.times[lit[2 * segment + 1]!]!);
+    this.coloured.visible = false;
     const position = new BufferAttribute(places, 3);
     const lines = new BufferGeometry().setAttribute("position", position).setIndex(lit);
     this.lines = new LineSegments(lines, new LineBasicMaterial({ color: 0x5b6b7a, transparent: true, opacity: 0.7 }));
     const chosen = new BufferGeometry().setAttribute("position", position).setIndex(lit);
     this.chosen = new LineSegments(chosen, new LineBasicMaterial({ color: 0xf08c00 }));
     this.chosen.renderOrder = 1;
-    this.object.add(this.lines, this.chosen);
+    this.object.add(this.lines, this.coloured, this.chosen);
     for (const child of this.object.children) child.frustumCulled = false;
     this.select(0);
   }
@@ -228,6 +248,28 @@ export class Passes {
     }
     this.chosen.visible = number > 0 && end > first;
     this.chosen.geometry.setDrawRange(first, end - first);
+  }
+
+  /** Colours what is sprayed by a speed at each time, on a scale that ends at `most`; null: leaves it plain. */
+  colourBy(speed: ((time_s: number) => number) | null, most: number): void {
+    this.coloured.visible = speed !== null && this.lit.length > 0;
+    if (!speed || !this.lit.length) return;
+    const [ends, colours] = [new Float32Array(3 * this.lit.length), new Float32Array(3 * this.lit.length)];
+    this.lit.forEach((row, end) => {
+      const place = placeOf(speed(this.motion.times[row]!), most);
+      for (let part = 0; part < 3; part++) {
+        ends[3 * end + part] = this.places[3 * row + part]!;
+        colours[3 * end + part] = PACES[place + part]! / 255;
+      }
+    });
+    this.coloured.geometry.setPositions(ends).setColors(colours);
+  }
+
+  /** Colours no more than what is sprayed by a time. */
+  show(time_s: number): void {
+    let sprayed = lowerBound(this.ends, time_s);
+    while (sprayed < this.ends.length && this.ends[sprayed]! <= time_s) sprayed += 1;
+    this.coloured.geometry.instanceCount = sprayed;
   }
 
   /**
@@ -258,7 +300,7 @@ export class Passes {
   }
 
   dispose(): void {
-    for (const line of [this.lines, this.chosen]) {
+    for (const line of [this.lines, this.coloured, this.chosen]) {
       line.geometry.dispose();
       line.material.dispose();
     }

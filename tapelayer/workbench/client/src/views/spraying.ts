@@ -3,7 +3,7 @@ import type { Raycaster } from "three";
 import type { Made, Table } from "../data/types";
 import { h } from "../elements";
 import { t } from "../i18n";
-import { COAT, inDigits, legend, scaleOf } from "./legend";
+import { COAT, inDigits, legend, legendOfSpeed, scaleOf } from "./legend";
 import type { Machine3D } from "./machine3d";
 import type { Motion } from "./motion";
 import { type Spot, Track } from "./spot";
@@ -17,7 +17,7 @@ const THROUGH = 5e-3;
 export class Spraying implements Work {
   readonly object = new Group();
   readonly box = new Box3();
-  readonly measured = false;
+  readonly colourings: readonly Colouring[];
   readonly lines: Group;
   private readonly part: ReturnType<typeof partOf>;
   private readonly passes: Passes;
@@ -26,6 +26,9 @@ export class Spraying implements Work {
   private readonly track: Track | null;
   /** Farther than this from every pass, a place belongs to none; metres. */
   private readonly reach: number;
+  /** Of the gun, mm/s. */
+  private readonly speed: number;
+  private by: Colouring = "coat";
 
   private constructor(
     made: Made,
@@ -54,7 +57,10 @@ export class Spraying implements Work {
       this.cone = sprayCone(standoff, spot);
       working.add(this.cone);
     }
+    const set = numberOf(made.setup, "spray", "speed_mm_per_s", 0);
+    this.speed = numberOf(made.setup, "process", "relative_speed_mm_per_s", set);
     this.coat = coat?.rows ? new Coat(coat) : null;
+    this.colourings = [...(this.coat ? (["coat"] as const) : []), ...(errors?.rows ? (["speed"] as const) : [])];
     if (this.coat) this.object.add(this.coat.object);
   }
 
@@ -66,6 +72,7 @@ export class Spraying implements Work {
 
   show(time_s: number, row: number): void {
     this.coat?.show(time_s);
+    this.passes.show(time_s);
     if (this.cone) this.cone.visible = this.motion.isOn("arc", row);
   }
 
@@ -83,19 +90,36 @@ export class Spraying implements Work {
     if (met.normal.z < 0) met.normal.negate();
     const near = this.passes.near(met.place, met.normal, time_s, this.reach);
     const along = near ? track.along(near.pass, near.time) : Number.NaN;
+    const speed = near && { what: "speed", value: track.at("speed_mm_per_s", near.pass, along) };
+    const thickness = coat.bare(met.value) ? { what: "bare", value: 0 } : { what: coat.unit, value: met.value };
     return {
       ...{ place: met.place, distance: met.distance, along },
       course: near?.pass ?? 0,
       point: near ? track.point(near.pass, along) : 0,
       across: near ? near.across / MM : Number.NaN,
       time: near?.time ?? Number.NaN,
-      measured: coat.bare(met.value) ? { what: "bare", value: 0 } : { what: coat.unit, value: met.value },
+      measured: this.by === "speed" ? speed : thickness,
     };
   }
 
-  colour(_by: Colouring, changed: () => void): HTMLElement | null {
-    const { coat } = this;
-    if (!coat) return null;
+  colour(by: Colouring, changed: () => void): HTMLElement | null {
+    const { coat, passes, speed, track } = this;
+    this.by = by;
+    // Two scales at once would be read as one.
+    if (coat) coat.object.visible = by === "coat";
+    passes.colourBy(by === "speed" && track ? (time_s) => track.when("speed_mm_per_s", time_s) : null, speed);
+    if (by === "speed") return legendOfSpeed(speed);
+    return coat && this.legendOfCoat(coat, changed);
+  }
+
+  dispose(): void {
+    this.coat?.dispose();
+    this.passes.dispose();
+    this.part?.geometry.dispose();
+    this.cone?.geometry.dispose();
+  }
+
+  private legendOfCoat(coat: Coat, changed: () => void): HTMLElement {
     let scale = scaleOfCoat(coat);
     const set = (): void => {
       const [target, part] = [Number(middle.value), Number(sides.value) / 100];
@@ -111,13 +135,6 @@ export class Spraying implements Work {
     middle.placeholder = inDigits(coat.mean);
     const fields = h("div", { class: "fields" }, h("label", {}, t("scene.target"), middle), h("label", {}, "± %", sides));
     return legend(scale, fields);
-  }
-
-  dispose(): void {
-    this.coat?.dispose();
-    this.passes.dispose();
-    this.part?.geometry.dispose();
-    this.cone?.geometry.dispose();
   }
 }
 

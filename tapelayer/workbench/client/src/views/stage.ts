@@ -73,9 +73,9 @@ export class Stage {
     if (this.made3d?.lines) this.made3d.lines.visible = lines;
   }
 
-  /** Whether the work can be coloured by its errors. */
-  get measured(): boolean {
-    return this.made3d?.measured ?? false;
+  /** What the work can be coloured by, the usual first. */
+  get colourings(): readonly Colouring[] {
+    return this.made3d?.colourings ?? [];
   }
 
   /** Colours the work; returns the colour scale if there is one, whose later changes are told. */

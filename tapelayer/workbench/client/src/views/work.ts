@@ -9,7 +9,8 @@ export const MM = 1e-3;
 // Edges sharper than this are shaded as sharp, radians.
 const CREASE = 0.6;
 
-export type Colouring = "course" | "error";
+/** What the colours of the work tell. */
+export type Colouring = "course" | "error" | "speed" | "coat";
 
 /** The work of a machine as drawn: tape, or passes and coat. Metres, in the machine's axes. */
 export interface Work {
@@ -17,8 +18,8 @@ export interface Work {
   readonly box: Box3;
   /** Lines of the passes over the work; null for none. */
   readonly lines: Object3D | null;
-  /** Whether it can be coloured by its errors. */
-  readonly measured: boolean;
+  /** What it can be coloured by, the usual first. */
+  readonly colourings: readonly Colouring[];
   /** Shows it at a time of the program, moving towards a row; coarser during motion. */
   show(time_s: number, row: number, moving: boolean): void;
   /** Highlights a course or pass; 0 for none. */
