@@ -402,8 +402,10 @@ def _stretch(
     longest = np.zeros(runs[-1] + 1)
     np.maximum.at(longest, runs, rates / along)
     alone = np.bincount(runs)[runs] == 1
-    averaged = 1.0 + (longest / total)[runs]
-    return np.where(alone, rest_to_rest(chain.lengths, speeds, rates, along) / seconds, averaged)
+    stretch: Floats = 1.0 + (longest / total)[runs]
+    rested = rest_to_rest(chain.lengths[alone], speeds[alone], rates[alone], along[alone])
+    stretch[alone] = rested / seconds[alone]
+    return stretch
 
 
 def _clock(ramps: _Ramps, rows: Ints, reached: Floats, standing: Floats) -> Clock:
