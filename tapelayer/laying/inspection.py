@@ -239,8 +239,8 @@ class Inspector(Judge[Evidence]):
             judged.append(("roller_tilt_deg", np.abs(samples.tilts) / DEG, limits.max_roller_tilt_deg))
         if not self.published or "max_heading_error_deg" in chosen:
             judged.append(("heading_error_deg", np.abs(samples.heading_errors) / DEG, limits.max_heading_error_deg))
-        # The tape fed gives the nip's position only to within the tolerance that blocks are laid out for.
-        doubt = 2 * float(np.max(digits[self._slides])) + self.setup.process.tolerance_mm * MM
+        # At either end of a block the nip is known to the digit and to the tolerance by which ends are rounded off.
+        doubt = 2 * (float(np.max(digits[self._slides])) + self.setup.process.tolerance_mm * MM)
         speeds = self._lay_speeds(samples, doubt)
         lay_speed = self.setup.process.lay_speed_mm_per_s * (1 + NIP_SPEED_MARGIN)
         judged.append(("lay_speed_mm_per_s", speeds / MM, lay_speed))
