@@ -170,13 +170,13 @@ def test_an_m_word_that_takes_an_address_frees_its_letter() -> None:
     assert parse(changed(taken).encode(), "mine.toml").axes[-1].word == "M29"
 
 
-@pytest.mark.parametrize("entry", ["G64", "G64 P0.01", "S", "FGROUP(X,Y)"])
+@pytest.mark.parametrize("entry", ["G8", "G187 P0.01", "S", "FGROUP(X,Y)"])
 def test_words_without_effect(entry: str) -> None:
     text = changed(("planes = { xy", f'no_effect = ["{entry}"]\nplanes = {{ xy'), ('comment = "("', 'comment = ";"'))
     assert parse(text.encode(), "mine.toml").codes.no_effect == (entry,)
 
 
-@pytest.mark.parametrize("entry", ["M8", "G64 P", "GOTO 5"])
+@pytest.mark.parametrize("entry", ["M8", "G187 P", "GOTO 5"])
 def test_what_looks_like_a_word_cannot_be_without_effect(entry: str) -> None:
     text = changed(("planes = { xy", f'no_effect = ["{entry}"]\nplanes = {{ xy'))
     assert "codes.no_effect[0]: expected a letter, a G word such as G40" in refused(text)
@@ -252,13 +252,15 @@ def ignoring(*texts: str) -> tuple[str, str]:
         ),
         ([ignoring("G1")], "no_effect =", "codes.no_effect: G1 is the word of linear, so it has an effect; remove it"),
         ([ignoring("G4 P1")], "no_effect =", "codes.no_effect: G4 P1 is the word of dwell, so it has an effect; remo"),
+        ([ignoring("G61")], "no_effect =", "codes.no_effect: G61 is the word of exact stop, so it has an effect; re"),
+        ([ignoring("G64 P0.01")], "no_effect =", "codes.no_effect: G64 P0.01 is the word of blending, so it has an"),
         (
             [ignoring("X")],
             "no_effect =",
             "codes.no_effect: X is the address of an axis, so it has an effect; remove it",
         ),
         ([ignoring("F")], "no_effect =", "codes.no_effect: F is the feed, so it has an effect; remove it"),
-        ([ignoring("G64 X5")], "no_effect =", "codes.no_effect: X of G64 X5 is the address of an axis; a word's argu"),
+        ([ignoring("G187 X5")], "no_effect =", "codes.no_effect: X of G187 X5 is the address of an axis; a word's arg"),
         ([ignoring("G1 X5 %")], "no_effect =", "codes.no_effect: G1 in G1 X5 % is the word of linear; readers ign"),
         ([ignoring("X5 %")], "no_effect =", "codes.no_effect: X5 in X5 % moves an axis; a text moves nothing"),
         ([ignoring("GROUP(X,Y)")], "no_effect =", "codes.no_effect: GROUP(X,Y) holds (, which begins a comment; leav"),
@@ -341,7 +343,7 @@ def test_what_no_program_could_carry_out_is_the_tables_fault(
         [('first_line = "%"', 'first_line = "O1234"')],
         [("preamble = []", 'preamble = ["G91", "G17 G90"]')],
         [("preamble = []", 'preamble = ["G93", "G94"]')],
-        [('comment = "("', 'comment = ";"'), ignoring("CYCLE832(0.05,3,1)", "FGROUP(X,Y,Q1)", "G64 P0.01", "S")],
+        [('comment = "("', 'comment = ";"'), ignoring("CYCLE832(0.05,3,1)", "FGROUP(X,Y,Q1)", "G187 P0.01", "S")],
         [('title = "the', 'title = "\u94fa\u5e26\u673a')],
     ],
 )
