@@ -19,9 +19,9 @@ def main() -> None:
 
     job = Job.read(COURSES, Setup())
     lines = job.text(job.plan()).decode("ascii").splitlines(keepends=True)
-    number = next(i for i, line in enumerate(lines) if "M20" in line) + 2  # behind the shoe's touch on course 1
-    words = lines[number].split()
-    (z,) = (word for word in words if word.startswith("Z"))
+    touch = next(i for i, line in enumerate(lines) if "M20" in line)  # the shoe's, on course 1
+    number = next(i for i, line in enumerate(lines) if i > touch and " Z" in line)
+    z = next(word for word in lines[number].split() if word.startswith("Z"))
     lines[number] = lines[number].replace(z, f"Z{float(z[1:]) + 0.5:.3f}")
     edited = folder / "edited.nc"
     edited.write_text("".join(lines), encoding="ascii")

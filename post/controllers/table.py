@@ -233,11 +233,16 @@ class Timing(_Table):
         return self.tolerance_mm * 1e-3
 
     def text(self, tolerance: float) -> str:
-        """Return the words of a mode: an exact stop for a tolerance of 0 metres, else blending within it."""
-        if not tolerance > 0.0:
-            return self.exact
-        stated = f" {self.tolerance_address}{round(tolerance * 1e3, 4):g}" if self.tolerance_address else ""
-        return self.blended + stated
+        """Return the words of a mode: an exact stop for a tolerance of 0 metres, else blending within it.
+
+        A tolerance whose digits, as they are written, are all 0 is an exact stop; one without bound has no letter.
+        """
+        if not self.tolerance_address:
+            return self.blended if tolerance > 0.0 else self.exact
+        if math.isinf(tolerance):
+            return self.blended
+        stated = f"{tolerance * 1e3:.4f}".rstrip("0").rstrip(".")
+        return self.exact if stated == "0" else f"{self.blended} {self.tolerance_address}{stated}"
 
 
 class Controller(_Table):

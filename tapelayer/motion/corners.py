@@ -39,7 +39,7 @@ class Rule:
         kink: share of an axis's acceleration that LinuxCNC spends on a corner that it passes without a stop.
         drain: seconds for a word that lets the control finish all motion first.
         tolerance: metres by which corners are rounded off where blocks are blended; 0 where they cannot be.
-        stated: whether a program can state that tolerance, so that each job has its own.
+        stated: whether a program can state that tolerance, so that each job has its own; `tolerance` is the least.
     """
 
     corner: Corner = "none"
@@ -64,7 +64,7 @@ class Rule:
 
         A chord that is balanced about its curve leaves corners of twice that to round off.
         """
-        return 2.0 * allowed if self.stated else self.tolerance
+        return max(2.0 * allowed, self.tolerance) if self.stated else self.tolerance
 
     def written(self, positions: Floats) -> Floats:
         """Return positions (n, k) in metres and radians as the control reads them, to its last written digits."""

@@ -33,6 +33,7 @@ def test_page_is_one_file_of_matching_tags_and_asks_no_network() -> None:
             "Subject",
             "Plan view",
             "Tape",
+            "Laying speed",
             "Errors along the courses",
             "Axis positions and speeds",
             "What the quantities mean",
@@ -61,7 +62,7 @@ def test_a_hostile_name_stays_text() -> None:
 
 
 def test_a_name_that_is_no_text_is_shown_as_escapes() -> None:
-    assert Elements(page(evidence(), "panel_\udcff.nc")).of("span", "name")[0][1] == "panel_\\udcff.nc"
+    assert Elements(page(evidence(), "panel_\udcff.nc")).of("span", "name")[0][1] == "panel_\\xff.nc"
 
 
 def test_published_form_says_loudly_what_is_not_judged() -> None:

@@ -151,6 +151,7 @@ def test_a_look_ahead_rounds_a_corner_by_what_it_may(degrees: float) -> None:
 def test_a_rule_knows_its_tolerance() -> None:
     assert LINUXCNC.rounding(0.02 * MM) == 0.0
     assert replace(LINUXCNC, stated=True).rounding(0.02 * MM) == 0.04 * MM
+    assert replace(LINUXCNC, stated=True, tolerance=0.05 * MM).rounding(0.02 * MM) == 0.05 * MM
     assert LOOK_AHEAD.rounding(0.5 * MM) == 0.02 * MM
     assert (STOP.blends, LINUXCNC.blends, LOOK_AHEAD.blends) == (False, True, True)
     assert (LINUXCNC.ramp_share, LOOK_AHEAD.ramp_share) == (0.5, 1.0)

@@ -224,12 +224,12 @@ OTHER = (
     ('"M22"', '"M62 P3"'),
     ('"M23"', '"M63 P3"'),
     ("preamble = []", 'preamble = ["GROUP(X, Y)"]'),
-    ('set_position = "G92"', 'set_position = "G92.1"\nno_effect = ["S", "G64", "GROUP(X, Y)"]'),
+    ('set_position = "G92"', 'set_position = "G92.1"\nno_effect = ["S", "G8", "GROUP(X, Y)"]'),
 )
 
 
 def test_extended_addresses_arguments_and_words_without_effect() -> None:
-    text = "G64 S200\nn3 group( X,Y ) ; text\nG0 X0 Y0 Z0 A0 C0 U=0 Q1=0 Q2=0 D0 E0\nG1 q1 = -1.5 U=2 F60\n"
+    text = "G8 S200\nn3 group( X,Y ) ; text\nG0 X0 Y0 Z0 A0 C0 U=0 Q1=0 Q2=0 D0 E0\nG1 q1 = -1.5 U=2 F60\n"
     path = parsed(text + "M62 P3\nM63P3\nM30", table(*OTHER)).trajectory
     assert (written(path, "v")[1], written(path, "u")[1]) == (-1.5, 2)
     assert path.events.tolist() == [0, 0, Event.KNIFE_1_DOWN, Event.KNIFE_1_UP]
