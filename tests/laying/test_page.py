@@ -34,6 +34,7 @@ def test_page_is_one_file_of_matching_tags_and_asks_no_network() -> None:
             "Subject",
             "Plan view",
             "Tape",
+            "Laying speed",
             "Errors along the courses",
             "Axis positions and speeds",
             "What the quantities mean",
