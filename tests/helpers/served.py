@@ -13,6 +13,7 @@ from typing import Any, Self
 
 import httpx
 
+from tapelayer.workbench.foreman import COMMAND as WORKER
 from tests.helpers.paths import ROOT
 
 COMMAND = (sys.executable, "-c", "from tapelayer.dispatch import main; main()", "serve", "--port", "0", "--no-open")
@@ -62,8 +63,10 @@ class Workbench:
             for task in Path(f"/proc/{self.process.pid}/task").glob("*/children")
             for child in task.read_text().split()
         ]
-        # A process that is not yet the worker's is still the server's: whoever stops it stops the server.
-        return [child for child in children if b"worker" in Path(f"/proc/{child}/cmdline").read_bytes()]
+        # A process that is not yet the worker's is still the server's, with its `--workers`: whoever stops it stops the
+        # server.
+        module = WORKER[-1].encode()
+        return [child for child in children if module in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")]
 
     def client(self) -> Client:
         """Somebody new."""

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tapelayer.laying.evidence import Samples
 from tapelayer.laying.settings import Setup
@@ -61,8 +62,11 @@ def test_a_hostile_name_stays_text() -> None:
     assert any(words == axis.name for _, words in elements.of("td"))
 
 
-def test_a_name_that_is_no_text_is_shown_as_escapes() -> None:
-    assert Elements(page(evidence(), "panel_\udcff.nc")).of("span", "name")[0][1] == "panel_\\xff.nc"
+@pytest.mark.parametrize(
+    ("name", "shown"), [("panel_\udcff.nc", "panel_\\xff.nc"), ("panel_\ud800.nc", "panel_\\ud800.nc")]
+)
+def test_a_name_that_is_no_text_is_shown_as_escapes(name: str, shown: str) -> None:
+    assert Elements(page(evidence(), name)).of("span", "name")[0][1] == shown
 
 
 def test_published_form_says_loudly_what_is_not_judged() -> None:

@@ -52,10 +52,20 @@ def workbench(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterato
         yield workbench
 
 
+def mistyped() -> bytes:
+    """The courses with a word that is no number, another one each time, at every fourth point."""
+    lines = COURSES.splitlines()
+    points = [row for row, line in enumerate(lines) if line.count(b" ") == 6]
+    for row in points[::4]:
+        words = lines[row].split()
+        words[row % 7] += b"x%d" % row
+        lines[row] = b" ".join(words)
+    return b"\n".join(lines)
+
+
 @pytest.fixture(scope="module")
 def jobs(workbench: Workbench) -> Jobs:
-    wrong = COURSES.replace(b".", b",")
-    sent = ((EXAMPLE, COURSES, {}), (EXAMPLE, COURSES, {"setup": JUDGED_BAD}), ("a" * 180 + ".txt", wrong, {}))
+    sent = ((EXAMPLE, COURSES, {}), (EXAMPLE, COURSES, {"setup": JUDGED_BAD}), ("a" * 180 + ".txt", mistyped(), {}))
     with workbench.client() as client:
         return Jobs(*(f"/#job={client.made(name, data, **fields)['id']}" for name, data, fields in sent))
 

@@ -422,6 +422,19 @@ def test_large_parts_become_coarser_and_stay_where_they_are() -> None:
     np.testing.assert_allclose([corners.min(axis=0)[:2], corners.max(axis=0)[:2]], [[0, 0], [400, 400]], atol=1e-3)
 
 
+def until(samples: SpraySamples, moment: float) -> SpraySamples:
+    """The samples before a moment and one at it, between those on either side."""
+    after = int(np.searchsorted(samples.times, moment))
+    share = (moment - samples.times[after - 1]) / (samples.times[after] - samples.times[after - 1])
+    cut = {}
+    for name, values in vars(samples).items():
+        last = values[after - 1]
+        if np.issubdtype(values.dtype, np.floating):
+            last = last + share * (values[after] - last)
+        cut[name] = np.concatenate([values[:after], [last]])
+    return SpraySamples(**cut)
+
+
 def test_the_coat_grows_to_what_the_program_leaves(sprayed: SprayResult) -> None:
     drawn, coat = scene_of(sprayed), sprayed.judged.coat
     assert coat is not None
@@ -436,13 +449,12 @@ def test_the_coat_grows_to_what_the_program_leaves(sprayed: SprayResult) -> None
     samples = sprayed.evidence.samples
     assert np.all(np.diff(times) > 0.0)
     assert (times[0], times[-1]) == pytest.approx((samples.times[0], samples.times[-1]))
-    for moment in (20, 41):
-        until = samples.times <= times[moment]
-        early = SpraySamples(**{name: getattr(samples, name)[until] for name in vars(samples)})
-        setup = sprayed.job.setup
-        partly = coat_of(early, Reach(sprayed.job.mesh, setup, sprayed.job.machine), setup).thickness * 1e6
-        assert np.max(np.abs(partly - thickness[:, moment])) < 0.03 * np.max(partly)
-        assert np.sum(thickness[:, moment]) == pytest.approx(np.sum(partly), rel=0.01)
+    setup = sprayed.job.setup
+    reach = Reach(sprayed.job.mesh, setup, sprayed.job.machine)
+    for moment in range(5, 63, 6):
+        partly = coat_of(until(samples, times[moment]), reach, setup).thickness * 1e6
+        assert np.max(np.abs(partly - thickness[:, moment])) < 0.002 * np.max(partly)
+        assert np.sum(thickness[:, moment]) == pytest.approx(np.sum(partly), rel=0.001)
 
 
 def test_a_relative_coat_says_so_and_is_thinned_evenly(sprayed: SprayResult, monkeypatch: pytest.MonkeyPatch) -> None:
