@@ -9,7 +9,7 @@ from itertools import chain
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Mask
+from tapelayer.arrays import Floats
 from tapelayer.laying.evidence import CutMade, LayingStop, LedgerRow, TapeLedger
 from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.settings import Setup
@@ -39,47 +39,73 @@ class _Line:
 
 
 @dataclass(frozen=True, eq=False)
+class _Track:
+    """A knife's path on the tape while it is down.
+
+    Attributes:
+        stations: (n,) metres along the tape.
+        across: (n,) metres from the centre line.
+        blades: (n, 2) directions of the blade.
+    """
+
+    stations: Floats
+    across: Floats
+    blades: Floats
+
+    def over(self, half: float) -> _Track:
+        """Return the part over a tape of half a width, metres; everything, if none is."""
+        over = np.abs(self.across) <= half
+        return _Track(self.stations[over], self.across[over], self.blades[over]) if np.any(over) else self
+
+    def off(self, line: _Line) -> float:
+        """Return the largest distance in metres from a line."""
+        away = self.stations - line.station - self.across / math.tan(line.angle)
+        return float(np.max(np.abs(away))) * math.sin(line.angle)
+
+    def turned(self, line: _Line) -> float:
+        """Return the largest angle in radians between blade and line."""
+        direction = np.array([-np.cos(line.angle), np.sin(line.angle)])
+        across = self.blades[:, 0] * direction[1] - self.blades[:, 1] * direction[0]
+        return float(np.max(np.abs(np.arctan2(across, self.blades @ direction))))
+
+
+@dataclass(frozen=True, eq=False)
 class _KnifePass:
-    """A knife's path on the tape while it is down, as the control rounds it off.
+    """What a knife does while it is down.
 
     Attributes:
         knife: 1 or 2.
         row: block of the word that lowers it.
         begin: seconds at which it is down.
-        stations: (n,) metres along the tape.
-        across: (n,) metres from the centre line.
-        blades: (n, 2) directions of the blade.
-        ends: (2,) metres from the centre line at its ends, as programmed.
+        programmed: its path as its blocks state it, from where it goes down to where it goes up.
+        rounded: its path as the control rounds it off.
         half: half the tape's width, metres.
     """
 
     knife: int
     row: int
     begin: float
-    stations: Floats
-    across: Floats
-    blades: Floats
-    ends: Floats
+    programmed: _Track
+    rounded: _Track
     half: float
 
     @property
-    def cutting(self) -> Mask:
-        """Return where (n,) the knife is over the tape; everywhere, if it never is."""
-        over: Mask = np.abs(self.across) <= self.half
-        return over if np.any(over) else np.ones(len(over), np.bool_)
+    def _judged(self) -> tuple[_Track, _Track]:
+        """Return the paths to keep to a line: the control may round off the sweep's ends, but not over the tape."""
+        return self.programmed, self.rounded.over(self.half)
+
+    @property
+    def ends(self) -> Floats:
+        """Return the distances (2,) in metres from the centre line to the sweep's ends, as programmed."""
+        return np.abs(self.programmed.across[[0, -1]])
 
     def off(self, line: _Line) -> float:
         """Return the largest distance in metres from a line."""
-        cutting = self.cutting
-        away = self.stations[cutting] - line.station - self.across[cutting] / math.tan(line.angle)
-        return float(np.max(np.abs(away))) * math.sin(line.angle)
+        return max(track.off(line) for track in self._judged)
 
     def turned(self, line: _Line) -> float:
         """Return the largest angle in radians between blade and line."""
-        direction = np.array([-np.cos(line.angle), np.sin(line.angle)])
-        blades = self.blades[self.cutting]
-        across = blades[:, 0] * direction[1] - blades[:, 1] * direction[0]
-        return float(np.max(np.abs(np.arctan2(across, blades @ direction))))
+        return max(track.turned(line) for track in self._judged)
 
 
 def judge_cuts(case: Case) -> tuple[TapeLedger, list[Failure]]:
@@ -153,14 +179,13 @@ def _sweeps(case: Case) -> list[_KnifePass]:
         shares = np.concatenate([shares for *_, shares in spans], axis=1)
         places = (shares[0] + SAMPLED_AT[:, None] * (shares[1] - shares[0])).T.ravel()
         rows = np.repeat(blocks, len(SAMPLED_AT))
-        tracks = [_on_tape(case, frame, joints(rows, places)) for joints in (trajectory.rounded, trajectory.within)]
+        tracks = [_on_tape(case, frame, joints(rows, places)) for joints in (trajectory.within, trajectory.rounded)]
         counts = [len(SAMPLED_AT) * len(own) for *_, own, _ in spans]
         for (number, down_row, begin, *_), last in zip(spans, np.cumsum(counts).tolist(), strict=True):
             own = slice(last - counts[len(sweeps) - before], last)
-            stations, across, blades = (values[own] for values in tracks[0])
-            ends = tracks[1][1][own][[0, -1]]
+            programmed, rounded = (_Track(*(values[own] for values in track)) for track in tracks)
             half = case.setup.tape.width_mm / 2 * MM
-            sweeps.append(_KnifePass(number, down_row, begin, stations, across, blades, ends, half))
+            sweeps.append(_KnifePass(number, down_row, begin, programmed, rounded, half))
     return sorted(sweeps, key=lambda sweep: sweep.begin)
 
 
@@ -183,7 +208,7 @@ def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -
     failures = []
     for sweep in sweeps:
         line_number = int(trajectory.lines[sweep.row])
-        middle = float(np.mean(sweep.stations))
+        middle = float(np.mean(sweep.programmed.stations))
         near = np.argsort(np.abs(stations - middle))[:8]
         offs = [sweep.off(lines[candidate]) for candidate in near]
         if not offs or not min(offs) <= STRAY:
@@ -209,10 +234,9 @@ def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -
             failures.append(Failure(course, point, "cut_error_mm", error / MM, limits.max_cut_error_mm, row))
         if not turned <= limits.max_blade_error_deg * DEG:
             failures.append(Failure(course, point, "blade_error_deg", turned / DEG, limits.max_blade_error_deg, row))
-        across = np.append(sweep.across, sweep.ends)
-        side = float(min(-np.min(across), np.max(across), *np.abs(sweep.ends)))
-        # The control may round off a sweep's ends, but not over the tape.
-        rounded = float(min(-np.min(sweep.across), np.max(sweep.across)))
+        across = np.append(sweep.rounded.across, sweep.programmed.across)
+        side = float(min(-np.min(across), np.max(across), *sweep.ends))
+        rounded = float(min(-np.min(sweep.rounded.across), np.max(sweep.rounded.across)))
         allowed = limits.max_cut_error_mm * MM
         if not (side >= sweep_width / 2 - allowed and rounded >= sweep.half - allowed):
             failures.append(Failure(course, point, "cut_width_mm", 2 * side / MM, sweep_width / MM, row))
