@@ -9,7 +9,7 @@ from itertools import chain
 
 import numpy as np
 
-from tapelayer.arrays import Floats
+from tapelayer.arrays import Floats, Ints
 from tapelayer.laying.evidence import CutMade, LayingStop, LedgerRow, TapeLedger
 from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.settings import Setup
@@ -22,7 +22,9 @@ KNIVES = (("knife_1", Event.KNIFE_1_DOWN, Event.KNIFE_1_UP), ("knife_2", Event.K
 SAME_LINE = 1e-5
 # Largest rounding of the tape drawn from a roll, from the last written digits of u.
 ROLL_DIGIT = 2e-6
-# Fractions of a block at which a lowered knife is looked at.
+# Rounding of a knife's place across, in metres, where it crosses an edge.
+EDGE = 1e-9
+# Fractions of a block at which a lowered knife is looked at, beside where it crosses the edges of tape and sweep.
 SAMPLED_AT = np.linspace(0.0, 1.0, 9)
 # A sweep farther than this from every line that the courses need makes none of these cuts.
 STRAY = 1e-3
@@ -54,7 +56,7 @@ class _Track:
 
     def over(self, half: float) -> _Track:
         """Return the part over a tape of half a width, metres; everything, if none is."""
-        over = np.abs(self.across) <= half
+        over = np.abs(self.across) <= half + EDGE
         return _Track(self.stations[over], self.across[over], self.blades[over]) if np.any(over) else self
 
     def off(self, line: _Line) -> float:
@@ -80,6 +82,7 @@ class _KnifePass:
         programmed: its path as its blocks state it, from where it goes down to where it goes up.
         rounded: its path as the control rounds it off.
         half: half the tape's width, metres.
+        reach: half the width that a sweep must cross, clearances included, less the error of a cut, metres.
     """
 
     knife: int
@@ -88,11 +91,12 @@ class _KnifePass:
     programmed: _Track
     rounded: _Track
     half: float
+    reach: float
 
     @property
-    def _judged(self) -> tuple[_Track, _Track]:
-        """Return the paths to keep to a line: the control may round off the sweep's ends, but not over the tape."""
-        return self.programmed, self.rounded.over(self.half)
+    def _cutting(self) -> tuple[_Track, _Track]:
+        """Return what must keep to a line: the sweep as programmed, and as the control rounds it off over the tape."""
+        return self.programmed.over(self.reach), self.rounded.over(self.half)
 
     @property
     def ends(self) -> Floats:
@@ -100,12 +104,16 @@ class _KnifePass:
         return np.abs(self.programmed.across[[0, -1]])
 
     def off(self, line: _Line) -> float:
-        """Return the largest distance in metres from a line."""
-        return max(track.off(line) for track in self._judged)
+        """Return the largest distance in metres from a line over the tape and both clearances."""
+        return max(track.off(line) for track in self._cutting)
+
+    def astray(self, line: _Line) -> float:
+        """Return the largest distance in metres from a line, beside the tape too."""
+        return max(self.off(line), self.programmed.off(line))
 
     def turned(self, line: _Line) -> float:
         """Return the largest angle in radians between blade and line."""
-        return max(track.turned(line) for track in self._judged)
+        return max(track.turned(line) for track in self._cutting)
 
 
 def judge_cuts(case: Case) -> tuple[TapeLedger, list[Failure]]:
@@ -158,6 +166,8 @@ def _lines(case: Case, fresh: Sequence[bool]) -> list[_Line]:
 def _sweeps(case: Case) -> list[_KnifePass]:
     """Return the paths of the knives while they are down, in order of time."""
     trajectory, delay = case.trajectory, case.setup.head.delays_ms.knife * 1e-3
+    half = case.setup.tape.width_mm / 2 * MM
+    reach = _sweep_width(case.setup) / 2 - case.setup.verification.max_cut_error_mm * MM
     sweeps: list[_KnifePass] = []
     for knife, (frame, down, up) in enumerate(KNIVES, 1):
         before = len(sweeps)
@@ -177,16 +187,35 @@ def _sweeps(case: Case) -> list[_KnifePass]:
             continue
         blocks = np.concatenate([blocks for *_, blocks, _ in spans])
         shares = np.concatenate([shares for *_, shares in spans], axis=1)
-        places = (shares[0] + SAMPLED_AT[:, None] * (shares[1] - shares[0])).T.ravel()
-        rows = np.repeat(blocks, len(SAMPLED_AT))
+        sampled = _sampled(case, frame, blocks, shares, (half, reach))
+        places, rows = sampled.ravel(), np.repeat(blocks, sampled.shape[1])
         tracks = [_on_tape(case, frame, joints(rows, places)) for joints in (trajectory.within, trajectory.rounded)]
-        counts = [len(SAMPLED_AT) * len(own) for *_, own, _ in spans]
+        counts = [sampled.shape[1] * len(own) for *_, own, _ in spans]
         for (number, down_row, begin, *_), last in zip(spans, np.cumsum(counts).tolist(), strict=True):
             own = slice(last - counts[len(sweeps) - before], last)
             programmed, rounded = (_Track(*(values[own] for values in track)) for track in tracks)
-            half = case.setup.tape.width_mm / 2 * MM
-            sweeps.append(_KnifePass(number, down_row, begin, programmed, rounded, half))
+            sweeps.append(_KnifePass(number, down_row, begin, programmed, rounded, half, reach))
     return sorted(sweeps, key=lambda sweep: sweep.begin)
+
+
+def _sampled(case: Case, frame: str, blocks: Ints, shares: Floats, edges: tuple[float, ...]) -> Floats:
+    """Return the fractions (b, s) of blocks (b,) at which a knife is looked at, from shares[0] to shares[1].
+
+    Args:
+        case: what is judged.
+        frame: of the knife.
+        blocks: (b,) while the knife is down.
+        shares: (2, b) of the way along each block where the knife's part of it begins and ends.
+        edges: distances from the centre line, metres; where the knife crosses one, it is looked at.
+    """
+    begins, ends = (_on_tape(case, frame, case.trajectory.within(blocks, share))[1] for share in shares)
+    crossed = np.array([side * edge for edge in edges for side in (-1.0, 1.0)])
+    across = (ends - begins)[:, None]
+    crossings = np.divide(crossed - begins[:, None], across, out=np.zeros((len(blocks), len(crossed))), where=across != 0)
+    even = np.tile(SAMPLED_AT, (len(blocks), 1))
+    fractions = np.sort(np.hstack([even, np.clip(crossings, 0.0, 1.0)]), axis=1)
+    sampled: Floats = shares[0][:, None] + fractions * (shares[1] - shares[0])[:, None]
+    return sampled
 
 
 def _on_tape(case: Case, frame: str, joints: Floats) -> tuple[Floats, Floats, Floats]:
@@ -210,7 +239,7 @@ def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -
         line_number = int(trajectory.lines[sweep.row])
         middle = float(np.mean(sweep.programmed.stations))
         near = np.argsort(np.abs(stations - middle))[:8]
-        offs = [sweep.off(lines[candidate]) for candidate in near]
+        offs = [sweep.astray(lines[candidate]) for candidate in near]
         if not offs or not min(offs) <= STRAY:
             off = min(offs, default=np.inf) / MM
             failures.append(Failure(0, 0, f"knife_{sweep.knife}_off_every_cut_mm", off, STRAY / MM, line_number))
