@@ -9,7 +9,7 @@ from itertools import chain
 
 import numpy as np
 
-from tapelayer.arrays import Floats, Mask
+from tapelayer.arrays import Floats, Ints
 from tapelayer.laying.evidence import CutMade, LayingStop, LedgerRow, TapeLedger
 from tapelayer.laying.laid import Case, Laid
 from tapelayer.laying.settings import Setup
@@ -22,7 +22,9 @@ KNIVES = (("knife_1", Event.KNIFE_1_DOWN, Event.KNIFE_1_UP), ("knife_2", Event.K
 SAME_LINE = 1e-5
 # Largest rounding of the tape drawn from a roll, from the last written digits of u.
 ROLL_DIGIT = 2e-6
-# Fractions of a block at which a lowered knife is looked at.
+# Rounding of a knife's place across, in metres, where it crosses an edge.
+EDGE = 1e-9
+# Fractions of a block at which a lowered knife is looked at, beside where it crosses the edges of tape and sweep.
 SAMPLED_AT = np.linspace(0.0, 1.0, 9)
 # A sweep farther than this from every line that the courses need makes none of these cuts.
 STRAY = 1e-3
@@ -39,47 +41,79 @@ class _Line:
 
 
 @dataclass(frozen=True, eq=False)
-class _KnifePass:
-    """A knife's path on the tape while it is down, as the control rounds it off.
+class _Track:
+    """A knife's path on the tape while it is down.
 
     Attributes:
-        knife: 1 or 2.
-        row: block of the word that lowers it.
-        begin: seconds at which it is down.
         stations: (n,) metres along the tape.
         across: (n,) metres from the centre line.
         blades: (n, 2) directions of the blade.
-        ends: (2,) metres from the centre line at its ends, as programmed.
-        half: half the tape's width, metres.
     """
 
-    knife: int
-    row: int
-    begin: float
     stations: Floats
     across: Floats
     blades: Floats
-    ends: Floats
-    half: float
 
-    @property
-    def cutting(self) -> Mask:
-        """Return where (n,) the knife is over the tape; everywhere, if it never is."""
-        over: Mask = np.abs(self.across) <= self.half
-        return over if np.any(over) else np.ones(len(over), np.bool_)
+    def over(self, half: float) -> _Track:
+        """Return the part over a tape of half a width, metres; everything, if none is."""
+        over = np.abs(self.across) <= half + EDGE
+        return _Track(self.stations[over], self.across[over], self.blades[over]) if np.any(over) else self
 
     def off(self, line: _Line) -> float:
         """Return the largest distance in metres from a line."""
-        cutting = self.cutting
-        away = self.stations[cutting] - line.station - self.across[cutting] / math.tan(line.angle)
+        away = self.stations - line.station - self.across / math.tan(line.angle)
         return float(np.max(np.abs(away))) * math.sin(line.angle)
 
     def turned(self, line: _Line) -> float:
         """Return the largest angle in radians between blade and line."""
         direction = np.array([-np.cos(line.angle), np.sin(line.angle)])
-        blades = self.blades[self.cutting]
-        across = blades[:, 0] * direction[1] - blades[:, 1] * direction[0]
-        return float(np.max(np.abs(np.arctan2(across, blades @ direction))))
+        across = self.blades[:, 0] * direction[1] - self.blades[:, 1] * direction[0]
+        return float(np.max(np.abs(np.arctan2(across, self.blades @ direction))))
+
+
+@dataclass(frozen=True, eq=False)
+class _KnifePass:
+    """What a knife does while it is down.
+
+    Attributes:
+        knife: 1 or 2.
+        row: block of the word that lowers it.
+        begin: seconds at which it is down.
+        programmed: its path as its blocks state it, from where it goes down to where it goes up.
+        rounded: its path as the control rounds it off.
+        half: half the tape's width, metres.
+        reach: half the width that a sweep must cross, clearances included, less the error of a cut, metres.
+    """
+
+    knife: int
+    row: int
+    begin: float
+    programmed: _Track
+    rounded: _Track
+    half: float
+    reach: float
+
+    @property
+    def _cutting(self) -> tuple[_Track, _Track]:
+        """Return what must keep to a line: the sweep as programmed, and as the control rounds it off over the tape."""
+        return self.programmed.over(self.reach), self.rounded.over(self.half)
+
+    @property
+    def ends(self) -> Floats:
+        """Return the distances (2,) in metres from the centre line to the sweep's ends, as programmed."""
+        return np.abs(self.programmed.across[[0, -1]])
+
+    def off(self, line: _Line) -> float:
+        """Return the largest distance in metres from a line over the tape and both clearances."""
+        return max(track.off(line) for track in self._cutting)
+
+    def astray(self, line: _Line) -> float:
+        """Return the largest distance in metres from a line, beside the tape too."""
+        return max(self.off(line), self.programmed.off(line))
+
+    def turned(self, line: _Line) -> float:
+        """Return the largest angle in radians between blade and line."""
+        return max(track.turned(line) for track in self._cutting)
 
 
 def judge_cuts(case: Case) -> tuple[TapeLedger, list[Failure]]:
@@ -132,6 +166,8 @@ def _lines(case: Case, fresh: Sequence[bool]) -> list[_Line]:
 def _sweeps(case: Case) -> list[_KnifePass]:
     """Return the paths of the knives while they are down, in order of time."""
     trajectory, delay = case.trajectory, case.setup.head.delays_ms.knife * 1e-3
+    half = case.setup.tape.width_mm / 2 * MM
+    reach = _sweep_width(case.setup) / 2 - case.setup.verification.max_cut_error_mm * MM
     sweeps: list[_KnifePass] = []
     for knife, (frame, down, up) in enumerate(KNIVES, 1):
         before = len(sweeps)
@@ -151,17 +187,35 @@ def _sweeps(case: Case) -> list[_KnifePass]:
             continue
         blocks = np.concatenate([blocks for *_, blocks, _ in spans])
         shares = np.concatenate([shares for *_, shares in spans], axis=1)
-        places = (shares[0] + SAMPLED_AT[:, None] * (shares[1] - shares[0])).T.ravel()
-        rows = np.repeat(blocks, len(SAMPLED_AT))
-        tracks = [_on_tape(case, frame, joints(rows, places)) for joints in (trajectory.rounded, trajectory.within)]
-        counts = [len(SAMPLED_AT) * len(own) for *_, own, _ in spans]
+        sampled = _sampled(case, frame, blocks, shares, (half, reach))
+        places, rows = sampled.ravel(), np.repeat(blocks, sampled.shape[1])
+        tracks = [_on_tape(case, frame, joints(rows, places)) for joints in (trajectory.within, trajectory.rounded)]
+        counts = [sampled.shape[1] * len(own) for *_, own, _ in spans]
         for (number, down_row, begin, *_), last in zip(spans, np.cumsum(counts).tolist(), strict=True):
             own = slice(last - counts[len(sweeps) - before], last)
-            stations, across, blades = (values[own] for values in tracks[0])
-            ends = tracks[1][1][own][[0, -1]]
-            half = case.setup.tape.width_mm / 2 * MM
-            sweeps.append(_KnifePass(number, down_row, begin, stations, across, blades, ends, half))
+            programmed, rounded = (_Track(*(values[own] for values in track)) for track in tracks)
+            sweeps.append(_KnifePass(number, down_row, begin, programmed, rounded, half, reach))
     return sorted(sweeps, key=lambda sweep: sweep.begin)
+
+
+def _sampled(case: Case, frame: str, blocks: Ints, shares: Floats, edges: tuple[float, ...]) -> Floats:
+    """Return the fractions (b, s) of blocks (b,) at which a knife is looked at, from shares[0] to shares[1].
+
+    Args:
+        case: what is judged.
+        frame: of the knife.
+        blocks: (b,) while the knife is down.
+        shares: (2, b) of the way along each block where the knife's part of it begins and ends.
+        edges: distances from the centre line, metres; where the knife crosses one, it is looked at.
+    """
+    begins, ends = (_on_tape(case, frame, case.trajectory.within(blocks, share))[1] for share in shares)
+    crossed = np.array([side * edge for edge in edges for side in (-1.0, 1.0)])
+    across = (ends - begins)[:, None]
+    crossings = np.divide(crossed - begins[:, None], across, out=np.zeros((len(blocks), len(crossed))), where=across != 0)
+    even = np.tile(SAMPLED_AT, (len(blocks), 1))
+    fractions = np.sort(np.hstack([even, np.clip(crossings, 0.0, 1.0)]), axis=1)
+    sampled: Floats = shares[0][:, None] + fractions * (shares[1] - shares[0])[:, None]
+    return sampled
 
 
 def _on_tape(case: Case, frame: str, joints: Floats) -> tuple[Floats, Floats, Floats]:
@@ -183,9 +237,9 @@ def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -
     failures = []
     for sweep in sweeps:
         line_number = int(trajectory.lines[sweep.row])
-        middle = float(np.mean(sweep.stations))
+        middle = float(np.mean(sweep.programmed.stations))
         near = np.argsort(np.abs(stations - middle))[:8]
-        offs = [sweep.off(lines[candidate]) for candidate in near]
+        offs = [sweep.astray(lines[candidate]) for candidate in near]
         if not offs or not min(offs) <= STRAY:
             off = min(offs, default=np.inf) / MM
             failures.append(Failure(0, 0, f"knife_{sweep.knife}_off_every_cut_mm", off, STRAY / MM, line_number))
@@ -209,10 +263,9 @@ def _matched(case: Case, lines: Sequence[_Line], sweeps: Sequence[_KnifePass]) -
             failures.append(Failure(course, point, "cut_error_mm", error / MM, limits.max_cut_error_mm, row))
         if not turned <= limits.max_blade_error_deg * DEG:
             failures.append(Failure(course, point, "blade_error_deg", turned / DEG, limits.max_blade_error_deg, row))
-        across = np.append(sweep.across, sweep.ends)
-        side = float(min(-np.min(across), np.max(across), *np.abs(sweep.ends)))
-        # The control may round off a sweep's ends, but not over the tape.
-        rounded = float(min(-np.min(sweep.across), np.max(sweep.across)))
+        across = np.append(sweep.rounded.across, sweep.programmed.across)
+        side = float(min(-np.min(across), np.max(across), *sweep.ends))
+        rounded = float(min(-np.min(sweep.rounded.across), np.max(sweep.rounded.across)))
         allowed = limits.max_cut_error_mm * MM
         if not (side >= sweep_width / 2 - allowed and rounded >= sweep.half - allowed):
             failures.append(Failure(course, point, "cut_width_mm", 2 * side / MM, sweep_width / MM, row))

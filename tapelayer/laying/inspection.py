@@ -239,9 +239,9 @@ class Inspector(Judge[Evidence]):
             judged.append(("roller_tilt_deg", np.abs(samples.tilts) / DEG, limits.max_roller_tilt_deg))
         if not self.published or "max_heading_error_deg" in chosen:
             judged.append(("heading_error_deg", np.abs(samples.heading_errors) / DEG, limits.max_heading_error_deg))
-        # At either end of a block the nip is known to the digit and to the tolerance by which ends are rounded off.
-        doubt = 2 * (float(np.max(digits[self._slides])) + self.setup.process.tolerance_mm * MM)
-        speeds = self._lay_speeds(samples, doubt)
+        # The tape fed gives the nip's position only to within the tolerance that blocks are laid out for.
+        doubt = 2 * float(np.max(digits[self._slides])) + self.setup.process.tolerance_mm * MM
+        speeds = self._lay_speeds(trajectory, samples, blocks, doubt)
         lay_speed = self.setup.process.lay_speed_mm_per_s * (1 + NIP_SPEED_MARGIN)
         judged.append(("lay_speed_mm_per_s", speeds / MM, lay_speed))
         judged.append(("heater_time_s", heated, self.setup.head.heater_stop_s + MOMENTS))
@@ -261,10 +261,14 @@ class Inspector(Judge[Evidence]):
         return failures
 
     @staticmethod
-    def _lay_speeds(samples: Samples, doubt: float) -> Floats:
+    def _lay_speeds(trajectory: Trajectory, samples: Samples, blocks: Ints, doubt: float) -> Floats:
         """Return the speed (n,) in m/s that words ask of the nip in each block, less `doubt` metres, at its end."""
         ends = np.flatnonzero(samples.block_ends)
-        distances, spans = np.diff(samples.arc_lengths[ends]), np.diff(samples.asked[ends])
+        rows, u = blocks[ends], trajectory.column("u")
+        shares = trajectory.fractions(rows, samples.times[ends])
+        # Words ask for the way between programmed ends, not for what is left of it where both are rounded off.
+        rounded = (trajectory.within(rows, shares) - trajectory.rounded(rows, shares))[:, u]
+        distances, spans = np.diff(samples.arc_lengths[ends] + rounded), np.diff(samples.asked[ends])
         going = (np.diff(samples.courses[ends]) == 0) & (distances > 0.0)
         speeds = np.zeros(len(samples.times))
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -244,7 +244,9 @@ class _SequenceJudge:
         places = range(first, len(gap.rows))
         gone, count = self._straight(gap, gap.behind, places, gap.normals[first], self.approach)
         if not gone >= self.approach - self.off:
-            self.fail(gap.behind, "retract_mm", gone / MM, self.approach / MM, gap.block(first + count))
+            # The block that ends the retract too soon; where none begins it, the one that does something else.
+            block = gap.block(first + count - (gone > 0.0))
+            self.fail(gap.behind, "retract_mm", gone / MM, self.approach / MM, block)
         return first + count
 
     def plunge(self, gap: _Gap) -> int:
@@ -280,8 +282,8 @@ class _SequenceJudge:
                 if not straight or gap.turns[place] or self.trajectory.kinds[block] != Kind.LINEAR:
                     break
                 least = (along - 2 * float(np.max(self.digits[self.pose[:3]]))) / (self.lay_speed * (1 + FEED_DIGITS))
-                if not self.trajectory.durations[block] >= least:
-                    speed = along / self.trajectory.durations[block]
+                if not self.trajectory.requested[block] >= least:
+                    speed = along / self.trajectory.requested[block]
                     self.fail(course, "approach_speed_mm_per_s", speed / MM, self.lay_speed / MM, block)
                 gone += along
             count += 1
@@ -316,10 +318,10 @@ class _SequenceJudge:
         if np.any(rapid):
             self.fail(course, "head_moves_in_rapids", np.sum(rapid), 0, gap.block(int(np.argmax(rapid))))
         fed, limit = np.abs(gap.steps[:, self.u]) - self.digits[self.u], self.thread_speed * (1 + FEED_DIGITS)
-        quick = np.flatnonzero(~(fed <= limit * self.trajectory.durations[gap.rows]) & ~rapid)
+        quick = np.flatnonzero(~(fed <= limit * self.trajectory.requested[gap.rows]) & ~rapid)
         if len(quick):
             block = gap.block(int(quick[0]))
-            speed = fed[quick[0]] / self.trajectory.durations[block]
+            speed = fed[quick[0]] / self.trajectory.requested[block]
             self.fail(course, "thread_speed_mm_per_s", speed / MM, self.thread_speed / MM, block)
 
 

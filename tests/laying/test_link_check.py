@@ -234,7 +234,7 @@ def test_the_head_comes_and_goes_along_its_normal(course: int) -> None:
 
 
 def test_coming_and_going_take_the_whole_approach() -> None:
-    check(judged(at("z", 570, RETRACT))[1], [(7, "retract_mm", 30, 50, CLIMB)])
+    check(judged(at("z", 570, RETRACT))[1], [(7, "retract_mm", 30, 50, RETRACT)])
     check(judged(at("z", 580, DESCENT))[1], [(8, "plunge_mm", 20, 50, DESCENT)])
     assert judged(text="[process]\napproach_mm = 49.96")[1] == []
     assert judged(at("z", 550.04, RETRACT))[1] == []
