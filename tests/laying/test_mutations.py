@@ -225,7 +225,10 @@ def bends(lines: Sequence[Line], line: Line) -> bool:
     """Whether a block with the shoe down ends clearly off the way between its neighbours, or where a word stands."""
     ahead, behind = next_of(lines, line), lines[line.index - 1]
     if ahead.event or behind.event or not (behind.laying and ahead.moved):
-        return bool(ahead.event)
+        slide = {"M23": "V", "M33": "Q"}.get(ahead.event)
+        # A knife that goes up a block earlier in its run-up has crossed all that it must.
+        crossed = slide and abs(line.before[slide]) >= line.reach - 1.0 - run_on(lines, ahead, slide)
+        return bool(ahead.event) and not crossed
     share = (line.after["U"] - line.before["U"]) / (ahead.after["U"] - line.before["U"])
     return off_the_way(lines, line, share) > 0.06
 
