@@ -210,10 +210,8 @@ def _sampled(case: Case, frame: str, blocks: Ints, shares: Floats, edges: tuple[
     """
     begins, ends = (_on_tape(case, frame, case.trajectory.within(blocks, share))[1] for share in shares)
     crossed = np.array([side * edge for edge in edges for side in (-1.0, 1.0)])
-    across = (ends - begins)[:, None]
-    crossings = np.divide(
-        crossed - begins[:, None], across, out=np.zeros((len(blocks), len(crossed))), where=across != 0
-    )
+    across, nowhere = (ends - begins)[:, None], np.zeros((len(blocks), len(crossed)))
+    crossings = np.divide(crossed - begins[:, None], across, out=nowhere, where=across != 0.0)
     even = np.tile(SAMPLED_AT, (len(blocks), 1))
     fractions = np.sort(np.hstack([even, np.clip(crossings, 0.0, 1.0)]), axis=1)
     sampled: Floats = shares[0][:, None] + fractions * (shares[1] - shares[0])[:, None]

@@ -64,7 +64,11 @@ def good(name: str) -> tuple[Job, bytes]:
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a program as it is reached: the G word in force, the axes it moves, what is down."""
+    """A line of a program as it is reached: the G word in force, the axes it moves, what is down.
+
+    `reach` is how far across each side of the tape a sweep must go, in mm: half the tape's width and the clearance;
+    `fed_meanwhile` the tape that is fed, in mm, while a knife answers to its word.
+    """
 
     index: int
     text: str
@@ -73,10 +77,17 @@ class Line:
     after: dict[str, float]
     laying: bool
     knives: frozenset[str]
+    reach: float
+    fed_meanwhile: float
 
     @property
     def moved(self) -> set[str]:
         return {axis for axis in self.after if self.after[axis] != self.before.get(axis)}
+
+    @property
+    def mode(self) -> bool:
+        """Whether it only says how blocks are passed."""
+        return bool(re.fullmatch(r"N\d+ G6[14]", self.text))
 
     @property
     def event(self) -> str:
@@ -87,15 +98,17 @@ class Line:
         return found[1] if found else ""
 
 
-def lines_of(text: bytes) -> list[Line]:
-    """The lines of a program of controller jb3208."""
+def lines_of(text: bytes, job: Job) -> list[Line]:
+    """The lines of a job's program for controller jb3208."""
+    reach = job.setup.tape.width_mm / 2 + job.setup.head.knife_clearance_mm
+    fed = job.setup.process.lay_speed_mm_per_s * job.setup.head.delays_ms.knife * 1e-3
     lines, motion, at, laying, knives = [], "", {}, False, set()
     for index, line in enumerate(text.decode().splitlines()):
         before = dict(at)
         if not line.startswith("("):
             motion = next((word for word in line.split() if re.fullmatch("G0[0-3]", word)), motion)
             at |= {letter: float(value) for letter, value in WORD.findall(line) if letter in AXES}
-        lines.append(Line(index, line, motion, before, dict(at), laying, frozenset(knives)))
+        lines.append(Line(index, line, motion, before, dict(at), laying, frozenset(knives), reach, fed))
         laying = (laying or line.endswith(" M20")) and not line.endswith(" M25")
         knives |= {word for word in ("M22", "M32") if line.endswith(word)}
         knives -= {{"M23": "M22", "M33": "M32"}.get(line[-3:], "")}
@@ -170,7 +183,7 @@ def event_moved(event: str, by: int) -> Kind:
         for line in lines:
             step = -1 if by < 0 else 1
             other = line.index + step
-            while line.event == event and 0 < other < len(lines) and lines[other].event:
+            while line.event == event and 0 < other < len(lines) and (lines[other].event or lines[other].mode):
                 other += step
             if line.event != event or not 0 < other < len(lines) or not lines[other].moved:
                 continue
@@ -179,6 +192,13 @@ def event_moved(event: str, by: int) -> Kind:
             yield edited(lines, first, last + 1, *(texts[-1:] + texts[:-1] if by < 0 else texts[1:] + texts[:1]))
 
     return mutants
+
+
+def word_moved(lines: Sequence[Line], line: Line, other: Line) -> Mutant:
+    """A word moved behind another line, if that comes later, or in front of it."""
+    texts = [between.text for between in lines]
+    texts.insert(other.index, texts.pop(line.index))
+    return other.index, texts
 
 
 def dropped(where: Callable[[Line], bool]) -> Kind:
@@ -190,14 +210,69 @@ def dropped(where: Callable[[Line], bool]) -> Kind:
     return mutants
 
 
+def next_of(lines: Sequence[Line], line: Line) -> Line:
+    """The next line that does something."""
+    return next(later for later in lines[line.index + 1 :] if not later.mode)
+
+
+def off_the_way(lines: Sequence[Line], line: Line, share: float) -> float:
+    """How far, in mm, a block's end is off a share of the straight way past it."""
+    ahead = next_of(lines, line)
+    return math.hypot(*(line.before[a] + share * (ahead.after[a] - line.before[a]) - line.after[a] for a in "XYZ"))
+
+
 def bends(lines: Sequence[Line], line: Line) -> bool:
-    """Whether a laying block ends clearly off the straight way between its neighbours, or where a word stands."""
-    ahead, behind = lines[line.index + 1], lines[line.index - 1]
+    """Whether a block with the shoe down ends clearly off the way between its neighbours, or where a word stands."""
+    ahead, behind = next_of(lines, line), lines[line.index - 1]
     if ahead.event or behind.event or not (behind.laying and ahead.moved):
-        return bool(ahead.event)
+        slide = {"M23": "V", "M33": "Q"}.get(ahead.event)
+        # A knife that goes up a block earlier in its run-up has crossed all that it must.
+        crossed = slide and abs(line.before[slide]) >= line.reach - 1.0 - run_on(lines, ahead, slide)
+        return bool(ahead.event) and not crossed
     share = (line.after["U"] - line.before["U"]) / (ahead.after["U"] - line.before["U"])
-    off = [line.before[a] + share * (ahead.after[a] - line.before[a]) - line.after[a] for a in "XYZ"]
-    return math.hypot(*off) > 0.06
+    return off_the_way(lines, line, share) > 0.06
+
+
+def matters_in_the_air(lines: Sequence[Line], line: Line) -> bool:
+    """Whether a block in the air is more than a place on a straight way, or than the end of a lowered knife's run-up.
+
+    With delays the shoe is down for a while after its word up: the way is curved there, but not by much in a block.
+    """
+    slides = [{"M22": "V", "M32": "Q"}[knife] for knife in line.knives]
+    if slides and line.moved <= set("UVQDE"):
+        return not all(
+            min(side * line.before[slide], side * line.after[slide]) >= line.reach
+            for slide in slides
+            for side in [math.copysign(1.0, line.after[slide])]
+        )
+    ahead = next_of(lines, line)
+    if not {"X", "Y", "Z", "U"} <= line.moved & ahead.moved:
+        return True
+    share = (line.after["U"] - line.before["U"]) / (ahead.after["U"] - line.before["U"])
+    return off_the_way(lines, line, share) > 0.06
+
+
+def lower(lines: Sequence[Line]) -> Iterator[Mutant]:
+    """Z 0.2 mm down at the end of a block in the air, but for a plunge or retract in several blocks, along which it is.
+
+    Upwards the head is only clearer of the part.
+    """
+    for line in motions(lines):
+        ahead = next((later for later in lines[line.index + 1 :] if later.moved), None)
+        if line.laying or "Z" not in line.moved:
+            continue
+        if ahead and line.motion == ahead.motion == "G01" and line.moved == ahead.moved <= set("XYZ"):
+            share = (line.after["Z"] + 0.2 - line.before["Z"]) / (ahead.after["Z"] - line.before["Z"])
+            place = [line.before[a] + share * (ahead.after[a] - line.before[a]) - line.after[a] for a in "XY"]
+            if 0.0 < share < 1.0 and math.hypot(*place) < 0.04:
+                continue
+        yield edited(lines, line.index, line.index + 1, changed(line, "Z", line.after["Z"] + 0.2))
+
+
+def block_in_the_air_dropped(lines: Sequence[Line]) -> Iterator[Mutant]:
+    for line in motions(lines):
+        if not line.laying and line.motion == "G01" and matters_in_the_air(lines, line):
+            yield edited(lines, line.index, line.index + 1)
 
 
 def feed_doubled(lines: Sequence[Line]) -> Iterator[Mutant]:
@@ -293,17 +368,38 @@ def cut_again(lines: Sequence[Line]) -> Iterator[Mutant]:
         yield edited(lines, up.index + 1, up.index + 1, *texts)
 
 
+def run_on(lines: Sequence[Line], up: Line, slide: str) -> float:
+    """How far, in mm, a slide goes on at full speed after the word that raises its knife, before it is up."""
+    word = {"M23": "M22", "M33": "M32"}[up.event]
+    down = next(line for line in lines[up.index :: -1] if line.event == word)
+    fed = [
+        abs((line.after[slide] - line.before[slide]) / (line.after["U"] - line.before["U"]))
+        for line in lines[down.index : up.index]
+        if {slide, "U"} <= line.moved
+    ]
+    return up.fed_meanwhile * max(fed, default=0.0)
+
+
 def knife_up_early(lines: Sequence[Line]) -> Iterator[Mutant]:
-    """The last block of a sweep in two, the knife up between them, 5 mm before the sweep's end."""
+    """A block of a sweep in two, the knife up between them, 5 mm before it has crossed all that it must."""
     for down, up in sweeps(lines):
         slide = "V" if down.event == "M22" else "Q"
-        last = lines[up.index - 1]
-        if slide not in last.moved or abs(last.after[slide] - last.before[slide]) < 5.5:
+        target = math.copysign(up.reach - 5.0 - run_on(lines, up, slide), up.after[slide])
+        crossing = [
+            line
+            for line in lines[down.index : up.index]
+            if slide in line.moved
+            and min(line.before[slide], line.after[slide]) < target
+            and target < max(line.before[slide], line.after[slide])
+        ]
+        if not crossing:
             continue
-        short = 1.0 - 5.0 / abs(last.after[slide] - last.before[slide])
+        last = crossing[-1]
+        short = (target - last.before[slide]) / (last.after[slide] - last.before[slide])
         words = [f"{a}{last.before[a] + short * (last.after[a] - last.before[a]):.3f}" for a in sorted(last.moved)]
         feed = [f"F{last.word('F')}"] if last.word("F") else []
-        yield edited(lines, last.index, up.index + 1, " ".join(["G01", *words, *feed]), up.text, last.text)
+        rest = [line.text for line in lines[last.index : up.index]]
+        yield edited(lines, last.index, up.index + 1, " ".join(["G01", *words, *feed]), up.text, *rest)
 
 
 def knife_parked_inside(lines: Sequence[Line]) -> Iterator[Mutant]:
@@ -382,11 +478,17 @@ def sweeping(line: Line) -> bool:
 
 
 def inwards(letter: str) -> Kind:
-    """A sweep that begins or ends a millimetre nearer to the tape's middle: farther out it is as good."""
+    """A place of a sweep a millimetre nearer to the tape's middle; one in a run-up, a millimetre inside the sweep.
+
+    Farther out it is as good, and so is a place of a run-up that stays beyond all that a sweep must cross.
+    """
 
     def mutants(lines: Sequence[Line]) -> Iterator[Mutant]:
-        for side in (-1.0, 1.0):
-            yield from off_by(letter, side, lambda line, side=side: line.after[letter] * side < 0.0)(lines)
+        for line in motions(lines):
+            if letter in line.moved and line.after[letter] and does_something(lines, line, letter):
+                inside = min(abs(line.after[letter]), line.reach) - 1.0
+                value = math.copysign(inside, line.after[letter])
+                yield edited(lines, line.index, line.index + 1, changed(line, letter, value))
 
     return mutants
 
@@ -398,13 +500,29 @@ def bent(lines: Sequence[Line]) -> Iterator[Mutant]:
 
 
 def moved_over(event: str, by: int, axes: str) -> Kind:
-    """A switching word moved over a block that moves one of some axes: over another it does the same."""
+    """A switching word moved over a block that moves one of some axes: over another it does the same.
+
+    One that shortens a sweep goes on to where it does so: at the ends of a run-up the knife cuts nothing.
+    """
 
     def mutants(lines: Sequence[Line]) -> Iterator[Mutant]:
-        for place, texts in event_moved(event, by)(lines):
-            motion = next(line for line in lines[place:] if line.moved)
-            if motion.moved & set(axes):
-                yield place, texts
+        slide = {("M22", 1): "V", ("M23", -1): "V", ("M32", 1): "Q", ("M33", -1): "Q"}.get((event, by))
+        if slide is None:
+            for place, texts in event_moved(event, by)(lines):
+                motion = next(line for line in lines[place:] if line.moved)
+                if motion.moved & set(axes):
+                    yield place, texts
+            return
+        for line in lines:
+            if line.event != event:
+                continue
+            most = line.reach - 1.0 - (run_on(lines, line, slide) if by < 0 else 0.0)
+            way = lines[line.index + 1 :] if by > 0 else lines[line.index - 1 :: -1]
+            # Behind the word, the block's end counts, before it, its beginning.
+            ends = [(other, other.after if by > 0 else other.before) for other in way if slide in other.moved]
+            inside = next((other for other, end in ends if abs(end.get(slide, math.inf)) < most), None)
+            if inside is not None:
+                yield word_moved(lines, line, inside)
 
     return mutants
 
@@ -413,7 +531,7 @@ KINDS: dict[str, Kind] = {
     **{f"{axis} with the other sign": sign_flipped(axis) for axis in AXES},
     **{f"{axis} {off:+} mm while laying": off_by(axis, off, laid) for axis in "XYZ" for off in (0.2, -0.2)},
     **{f"{axis} {off:+} mm in the air": off_by(axis, off, in_the_air) for axis in "XY" for off in (0.2, -0.2)},
-    "Z +0.2 mm in the air": off_by("Z", 0.2, in_the_air),  # downwards: upwards the head is only clearer of the part
+    "Z +0.2 mm in the air": lower,
     **{f"{axis} {off:+} deg": off_by(axis, off, lambda line: True) for axis in "AC" for off in (0.5, -0.5)},
     **{f"U {off:+} mm in one block": off_by("U", off, lambda line: True) for off in (1.0, -1.0)},
     "U +1 mm from a block on": u_shifted,
@@ -424,7 +542,7 @@ KINDS: dict[str, Kind] = {
     },
     "a point lost": point_lost,
     "a laying block dropped": bent,
-    "a block in the air dropped": dropped(lambda line: not line.laying and line.motion == "G01"),
+    "a block in the air dropped": block_in_the_air_dropped,
     "a rapid dropped": dropped(lambda line: line.motion == "G00"),
     "two blocks swapped": blocks_swapped,
     "F doubled": feed_doubled,
@@ -463,7 +581,7 @@ def sampled(
     random = np.random.default_rng(sum(map(ord, kind)))
     for name in plies:
         job, text = good(name)
-        lines = lines_of(text)
+        lines = lines_of(text, job)
         mutants = list(make(lines))
         for chosen in random.permutation(len(mutants))[:each].tolist():
             yield name, job, lines, mutants[chosen]
