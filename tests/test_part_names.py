@@ -16,7 +16,7 @@ def program(*comments: str) -> reader.Program:
     """Return a program of one block before its comments and one block after each."""
     text = STATED + "".join(f"({comment})\nG00 X{place}\n" for place, comment in enumerate(comments, 1)) + "M30\n%\n"
     table = controllers.load("jb3208")
-    return reader.read(text.encode(), table, ("x", "y", "z"), Limits(np.ones(3)), "p.nc")
+    return reader.read(text.encode(), table, ("x", "y", "z"), Limits.speeds(np.ones(3)), "p.nc")
 
 
 @pytest.mark.parametrize("word", ["course", "pass"])
