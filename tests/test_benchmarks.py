@@ -72,16 +72,17 @@ def test_both_ways_give_the_same_poses(job: Job) -> None:
 
 
 def test_both_ways_write_the_same_blocks(path: Path) -> None:
-    """Words and feeds of the longest stretch without switching, character by character."""
+    """Words and feeds of the longest stretch without switching or another mode, character by character."""
     job, verified = pipeline.whole_job(path, FINE)
     program = job.text(verified).decode()
     blocks = pipeline.blocks_of(verified.trajectory, len(verified.trajectory))
-    assert len(blocks) > POINTS
+    # Blocks balanced about their course are about as many as its points at this tolerance.
+    assert len(blocks) > 0.9 * POINTS
     ours, obvious = (
         "\n".join(line.split(" ", 1)[-1] for line in text.split("\n"))
         for text in (program, pipeline.write_by_block([blocks]))
     )
-    longest = max(re.split(r"\n(?=M)", ours), key=len).split("\n", 1)[1]
+    longest = max(re.split(r"\n(?=M|G6[14])", ours), key=len).split("\n", 1)[1]
     assert longest.count("\n") > pipeline.COURSE_POINTS / 2
     assert longest in obvious
 

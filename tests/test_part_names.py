@@ -9,7 +9,6 @@ from post import controllers, reader
 from tapelayer.jobs.part_names import part_names, placed
 from tapelayer.motion.time_law import Limits
 
-UNSTATED = np.full(3, np.inf)
 STATED = "%\nG00 X0 Y0 Z0\n"
 
 
@@ -17,7 +16,7 @@ def program(*comments: str) -> reader.Program:
     """Return a program of one block before its comments and one block after each."""
     text = STATED + "".join(f"({comment})\nG00 X{place}\n" for place, comment in enumerate(comments, 1)) + "M30\n%\n"
     table = controllers.load("jb3208")
-    return reader.read(text.encode(), table, ("x", "y", "z"), Limits(np.ones(3), UNSTATED, UNSTATED), "p.nc")
+    return reader.read(text.encode(), table, ("x", "y", "z"), Limits.speeds(np.ones(3)), "p.nc")
 
 
 @pytest.mark.parametrize("word", ["course", "pass"])
@@ -54,7 +53,7 @@ def test_comments_that_name_parts_in_their_order_count(comments: list[str], cour
             "p.nc:3: names course 10 as number 2, but course 20 follows; 1 more",
         ),
         (["course 20, 3 of 3", "course 10, 2 of 3"], "p.nc:3: names course 20 as number 3, but course 20 follows"),
-        (["course 20", "course 10", "course 5", "course 6"], "p.nc:9: names course 6, but there are only 3"),
+        (["course 20", "course 10", "course 5", "course 6"], "p.nc:9: names course 6, but there are 3"),
         (["course 1 of 3", "course 2 of 3", "course 3 of 3"], "p.nc:3: names course 1, but course 20 follows; 2 more "),
     ],
 )
@@ -62,4 +61,4 @@ def test_wrong_comments_are_a_remark_and_count_by_where_they_stand(comments: lis
     found, (sentence,) = placed(program(*comments), "course", [20, 10, 5])
     assert found.courses.tolist() == list(range(-1, len(comments)))
     assert sentence.startswith(remark)
-    assert sentence.endswith(("follows", "there are only 3", "more such comment", "more such comments"))
+    assert sentence.endswith(("follows", "there are 3", "more such comment", "more such comments"))
