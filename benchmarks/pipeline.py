@@ -319,9 +319,9 @@ def job_by_point(path: Path, setup: Setup, machine: Machine, places: int) -> flo
 
 
 def blocks_of(trajectory: Trajectory, limit: int) -> list[Block]:
-    """Return the straight blocks of a trajectory, at most `limit`, after a block that states where they begin."""
+    """Return the straight blocks that words ask for, at most `limit`, after a block that states where they begin."""
     rows = np.flatnonzero(trajectory.kinds == Kind.LINEAR)[:limit]
-    times, joints = trajectory.durations[rows].tolist(), trajectory.positions[rows].tolist()
+    times, joints = trajectory.requested[rows].tolist(), trajectory.positions[rows].tolist()
     begin = ("G00", 0.0, tuple(trajectory.begins(rows[:1])[0].tolist()))
     return [begin, *(("G01", spent, tuple(values)) for spent, values in zip(times, joints, strict=True))]
 

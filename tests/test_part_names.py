@@ -53,7 +53,7 @@ def test_comments_that_name_parts_in_their_order_count(comments: list[str], cour
             "p.nc:3: names course 10 as number 2, but course 20 follows; 1 more",
         ),
         (["course 20, 3 of 3", "course 10, 2 of 3"], "p.nc:3: names course 20 as number 3, but course 20 follows"),
-        (["course 20", "course 10", "course 5", "course 6"], "p.nc:9: names course 6, but there are 3"),
+        (["course 20", "course 10", "course 5", "course 6"], "p.nc:9: names course 6, but there are only 3"),
         (["course 1 of 3", "course 2 of 3", "course 3 of 3"], "p.nc:3: names course 1, but course 20 follows; 2 more "),
     ],
 )

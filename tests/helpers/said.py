@@ -84,7 +84,7 @@ def templates(node: ast.expr) -> set[str]:
     """Return what a text of the source can be, line by line, with its values as places.
 
     Examples:
-        >>> sorted(templates(ast.parse("f'{n} part{\"s\" if n > 1 else \"\"} left'", mode="eval").body))
+        >>> sorted(templates(ast.parse("f'{n} ' + ('parts' if n > 1 else 'part') + ' left'", mode="eval").body))
         ['{1} part left', '{1} parts left']
     """
     lines = (line for pieces in _readings(node) for line in "".join(pieces).split("\n"))

@@ -128,7 +128,7 @@ def test_block_times_of_the_text_add_up_to_the_planned_duration(ply: str) -> Non
         # With accelerations the control needs longer; without, a rounded end may be a hair beyond the speed of an axis.
         assert back.duration > asked * 1.1
         at_once = read(text, load(control), machine.names, Limits.speeds(limits.speed), "p.nc").trajectory
-        assert at_once.duration == pytest.approx(asked, rel=2e-4)
+        assert at_once.duration == pytest.approx(asked, rel=5e-4)
 
 
 def changed(control: str, *changes: tuple[str, str]) -> Controller:
