@@ -61,4 +61,4 @@ def test_wrong_comments_are_a_remark_and_count_by_where_they_stand(comments: lis
     found, (sentence,) = placed(program(*comments), "course", [20, 10, 5])
     assert found.courses.tolist() == list(range(-1, len(comments)))
     assert sentence.startswith(remark)
-    assert sentence.endswith(("follows", "there are 3", "more such comment", "more such comments"))
+    assert sentence.endswith(("follows", "there are only 3", "more such comment", "more such comments"))
