@@ -126,15 +126,24 @@ class Driven(Frozen):
         return self.trajectory.rounded(blocks, self.trajectory.fractions(blocks, times))
 
     def at_work(self) -> Mask:
-        """Where (n,) the shoe is down or the arc on, by the real ends of the blocks."""
+        """Where (n,) the shoe is down or the arc on and the control moves or rests between, by real ends of blocks."""
         work = np.zeros(len(self.joints), np.bool_)
         ends = np.searchsorted(self.times, self.real_ends)
         for on, off in ENDS.items():
             downs, ups = (np.flatnonzero(self.trajectory.events == event) for event in (on, off))
             for down, up in zip(downs.tolist(), ups.tolist(), strict=True):
                 before, last = np.searchsorted(self.moving, [down, up]) - 1
-                work[(ends[before] if before >= 0 else 0) : ends[last]] = True
+                work[self._motion_after(before, ends) : ends[last]] = True
         return work
+
+    def _motion_after(self, index: int, ends: Ints) -> int:
+        """The cycle in which the control leaves the end of a moving block, where it may have waited for a word."""
+        if index < 0:
+            return 0
+        first, last = ends[index : index + 2]
+        away = self.joints[first:last, self.sampled] - self.trajectory.positions[self.moving[index], self.sampled]
+        left = np.any(np.abs(away) > AT_A_STOP, axis=1)
+        return int(first) + int(np.argmax(left))
 
 
 def driven(folder: Path, text: bytes, machine: Machine, axes: tuple[str, ...], longest_s: float = 60.0) -> Driven:
