@@ -229,7 +229,7 @@ def test_a_course_is_laid_at_speed_and_in_place() -> None:
 
 
 def test_a_part_gets_the_coat_that_is_reported() -> None:
-    """Thickness by the joints of every servo cycle with the arc on: a hundredth off in the mean, its figures a point."""
+    """Thickness by the joints of every servo cycle with the arc on: a hundredth off in the mean."""
     done, result = once("a part"), panel()
     assert done.real_s == pytest.approx(done.reported_s, rel=0.02)
     report, job = result.report(), result.job
