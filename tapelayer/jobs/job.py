@@ -263,7 +263,12 @@ class MachineJob(ABC, Generic[Plan, Evidence]):
 
     def text(self, planned: Verified[Evidence]) -> bytes:
         """Return the NC text of a verified trajectory."""
-        return program.write(planned, self.controller, self.provenance, self.levels(), self._names(planned.trajectory))
+        return program.write(planned, self.writer, self.provenance, self.levels(), self._names(planned.trajectory))
+
+    @property
+    def writer(self) -> Controller:
+        """Return the control's table as programs are written by it."""
+        return self.controller
 
     def _names(self, trajectory: Trajectory) -> tuple[str, ...]:
         """Return what the comments of a program call its courses or passes."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from post.controllers import load
+from post.controllers import Controller, load
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import CourseFileRefused
@@ -107,6 +107,17 @@ class Job(MachineJob[None, Evidence]):
     def axes(self) -> tuple[str, ...]:
         """Return the names of all axes of the machine."""
         return self.machine.names
+
+    @property
+    def writer(self) -> Controller:
+        """Return the control's table, without arcs where words lead their effects.
+
+        The words are placed by the time of straight blocks, and an arc in their place takes another.
+        """
+        if not any(self.setup.head.delays_ms.model_dump().values()):
+            return self.controller
+        straight = self.controller.arcs.model_copy(update={"planes": ()})
+        return self.controller.model_copy(update={"arcs": straight})
 
     @property
     def parts(self) -> int:

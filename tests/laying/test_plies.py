@@ -9,6 +9,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from post import program
 from post.controllers import load
 from tapelayer.errors import (
     AxisBeyondTravel,
@@ -141,6 +142,17 @@ def test_the_head_waits_for_slow_actuators_by_dwells_of_any_control(seed: int, c
     assert setup.head.delays_ms.shoe >= 150
     _, evidence = exported(job_of(courses, setup, load(control)))
     assert evidence.passed, evidence.worst(5)
+
+
+def test_words_that_lead_their_effects_stand_between_straight_blocks() -> None:
+    """An arc takes another time than the blocks by which a word was placed."""
+    courses, setup = Chance(802).ply()
+    assert setup.head.delays_ms.knife >= 150
+    job = job_of(courses, setup)
+    assert b" G02 " in program.write(job.plan(), job.controller, job.provenance)
+    text, evidence = exported(job)
+    assert evidence.passed, evidence.worst(5)
+    assert b" G02 " not in text and b" G03 " not in text
 
 
 @pytest.mark.parametrize(
