@@ -916,7 +916,7 @@ def test_a_hundred_thousand_blocks_stay_together(browser: Any, tmp_path: Path) -
         person.drawn()
         machine_drawn = time.perf_counter() - begin
         person.choose_file("import-file", "waves.txt", waves(62))
-        person.fill("process", tolerance_mm=0.001)
+        person.fill("process", tolerance_mm=0.0003)
         assert person.generate() == "done"
         person.made()
         made = Made(person)
