@@ -31,7 +31,7 @@ from tapelayer.laying.settings import Setup
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.setups.sections import parse_setup
-from tests.helpers.browsing import LARGE, SCREENSHOTS, SMALL, Person, api, chromium
+from tests.helpers.browsing import LARGE, SCREENSHOTS, SMALL, Person, api
 from tests.helpers.paths import ROOT
 from tests.helpers.served import Workbench
 from urdf import TAPELAYER
@@ -152,18 +152,6 @@ def seconds(told: str) -> float:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def workbench(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterator[Workbench]:
-    with Workbench(tmp_path_factory.mktemp("work"), "--workers", 1) as workbench:
-        yield workbench
-
-
-@pytest.fixture(scope="module")
 def laid(browser: Any, workbench: Workbench) -> Iterator[Person]:
     """Somebody who made a program of an example with parameters of their own."""
     person = Person(browser, workbench.url)
@@ -182,14 +170,6 @@ def laid(browser: Any, workbench: Workbench) -> Iterator[Person]:
 @pytest.fixture(scope="module")
 def made(laid: Person) -> Made:
     return Made(laid)
-
-
-@pytest.fixture
-def guest(browser: Any, workbench: Workbench) -> Iterator[Person]:
-    """Somebody who has not been here before."""
-    person = Person(browser, workbench.url)
-    yield person
-    person.leave()
 
 
 @pytest.fixture

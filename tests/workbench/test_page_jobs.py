@@ -7,12 +7,11 @@ import os
 import re
 import signal
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from tests.helpers.browsing import Person, api, chromium
+from tests.helpers.browsing import Person, api
 from tests.helpers.paths import ROOT
 from tests.helpers.served import Workbench
 
@@ -22,25 +21,11 @@ EXAMPLE = "flat_panel_00.txt"
 COURSES = (ROOT / "examples" / EXAMPLE).read_bytes()
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def workbench(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterator[Workbench]:
-    with Workbench(tmp_path_factory.mktemp("work"), "--workers", 1) as workbench:
-        yield workbench
-
-
 @pytest.fixture
-def guest(browser: Any, workbench: Workbench) -> Iterator[Person]:
-    """Somebody who has not been here before."""
-    person = Person(browser, workbench.url)
-    person.open()
-    yield person
-    person.leave()
+def guest(guest: Person) -> Person:
+    """Somebody who has opened the page for the first time."""
+    guest.open()
+    return guest
 
 
 def submit(person: Person, data: bytes = COURSES, setup: str = "") -> str:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import pytest
 
-from tests.helpers.browsing import Person, api, chromium
+from tests.helpers.browsing import Person, api
 from tests.helpers.paths import ROOT
 from tests.helpers.served import Workbench
 
@@ -40,18 +38,6 @@ class Jobs:
     refused: str
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def workbench(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterator[Workbench]:
-    with Workbench(tmp_path_factory.mktemp("work"), "--workers", 1) as workbench:
-        yield workbench
-
-
 def mistyped() -> bytes:
     """The courses with a word that is no number, another one each time, at every fourth point."""
     lines = COURSES.splitlines()
@@ -68,14 +54,6 @@ def jobs(workbench: Workbench) -> Jobs:
     sent = ((EXAMPLE, COURSES, {}), (EXAMPLE, COURSES, {"setup": JUDGED_BAD}), ("a" * 180 + ".txt", mistyped(), {}))
     with workbench.client() as client:
         return Jobs(*(f"/#job={client.made(name, data, **fields)['id']}" for name, data, fields in sent))
-
-
-@pytest.fixture
-def guest(browser: Any, workbench: Workbench) -> Iterator[Person]:
-    """Somebody who has not been here before."""
-    person = Person(browser, workbench.url)
-    yield person
-    person.leave()
 
 
 @pytest.fixture

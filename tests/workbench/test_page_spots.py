@@ -20,7 +20,7 @@ from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event
 from tapelayer.setups.sections import parse_setup
 from tapelayer.spraying.settings import SpraySetup
-from tests.helpers.browsing import Camera, Person, api, chromium
+from tests.helpers.browsing import Camera, Person, api
 from tests.helpers.served import Workbench
 from tests.workbench.test_page import COURSES, EXAMPLE, Made, assert_on_the_way
 from urdf import SPRAYER
@@ -31,18 +31,6 @@ TAPE = re.compile(
     r"course (\d+), point (\d+)\n(-?[\d.]+) mm along, ([\d.]+) mm to the (left|right)\n"
     r"block (\d+), line (\d+)\nposition error ([\d.]+) mm"
 )
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def workbench(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterator[Workbench]:
-    with Workbench(tmp_path_factory.mktemp("work"), "--workers", 1) as workbench:
-        yield workbench
 
 
 def made_by(browser: Any, workbench: Workbench, example: str, **footprint: object) -> Person:

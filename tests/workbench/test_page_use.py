@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from tests.helpers.browsing import Person, api, chromium
+from tests.helpers.browsing import Person, api
 from tests.helpers.paths import ROOT
 from tests.helpers.served import Workbench
 
@@ -20,30 +19,10 @@ OTHER = (ROOT / "examples" / "cylinder_panel_15.txt").read_bytes()
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def workbench(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterator[Workbench]:
-    with Workbench(tmp_path_factory.mktemp("work"), "--workers", 1) as workbench:
-        yield workbench
-
-
-@pytest.fixture(scope="module")
 def link(browser: Any, workbench: Workbench) -> str:
     """Path of the page that shows a job."""
     with workbench.client() as client:
         return f"/#job={client.made(EXAMPLE, COURSES)['id']}"
-
-
-@pytest.fixture
-def guest(browser: Any, workbench: Workbench) -> Iterator[Person]:
-    """Somebody who has not been here before."""
-    person = Person(browser, workbench.url)
-    yield person
-    person.leave()
 
 
 @pytest.fixture

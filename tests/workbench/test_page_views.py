@@ -16,23 +16,11 @@ from tapelayer.courses.course_file import format_courses, parse_courses
 from tapelayer.geometry.curves import Curve
 from tapelayer.laying.placing import courses_in_machine
 from tapelayer.motion.trajectory import Event, Kind
-from tests.helpers.browsing import Camera, Person, api, chromium
+from tests.helpers.browsing import Camera, Person, api
 from tests.helpers.served import Workbench
 from tests.workbench.test_page import COURSES, EXAMPLE, Made
 
 pytestmark = pytest.mark.browser
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def workbench(tmp_path_factory: pytest.TempPathFactory, browser: Any) -> Iterator[Workbench]:
-    with Workbench(tmp_path_factory.mktemp("work"), "--workers", 1) as workbench:
-        yield workbench
 
 
 @pytest.fixture(scope="module")
