@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -40,7 +42,7 @@ def test_other_faults_are_told_as_well(spelling: Separators) -> None:
 
 
 @given(st.sampled_from(SPELLINGS), st.sampled_from(GOOD))
-def test_the_spelling_is_told(spelling: Separators, path) -> None:  # type: ignore[no-untyped-def]
+def test_the_spelling_is_told(spelling: Separators, path: Path) -> None:
     text = b"\n".join(line.partition(b"#")[0].strip() for line in path.read_bytes().splitlines())
     text = b"\n".join(b" ".join(line.split()) for line in text.split(b"\n"))
     found = separators_of(spelt(text, spelling))
