@@ -32,6 +32,7 @@ from tapelayer.cli.options import (
     ReportFile,
     SetupFile,
     SprayController,
+    Target,
     UnitName,
     Verbose,
     language_named,
@@ -83,10 +84,7 @@ def export(
     controller: LayController = None,
     kinematics: KinematicsName = None,
     unit: UnitName = "mm",
-    target: Annotated[
-        str | None,
-        typer.Option("-o", metavar="OUT.nc", help="Program; of several, a folder; - for stdout. Default: COURSES.nc."),
-    ] = None,
+    target: Target = None,
     report_file: ReportFile = None,
     html_file: HtmlFile = None,
     as_json: AsJson = False,
@@ -165,10 +163,7 @@ def spray(
     direction_deg: Direction = None,
     pitch_mm: Pitch = None,
     controller: SprayController = None,
-    target: Annotated[
-        str | None,
-        typer.Option("-o", metavar="OUT.nc", help="Program; of several, a folder; - for stdout. Default: MODEL.nc."),
-    ] = None,
+    target: Target = None,
     trajectory_file: Annotated[
         str | None,
         typer.Option(

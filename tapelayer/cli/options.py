@@ -43,6 +43,14 @@ KinematicsName = Annotated[
         autocompletion=lambda: ["roller", "published"],
     ),
 ]
+Target = Annotated[
+    str | None,
+    typer.Option(
+        "-o",
+        metavar="OUT.nc",
+        help=r"Program; of several, a folder; - for stdout. \[default: beside the source, with its name and .nc]",
+    ),
+]
 ReportFile = Annotated[
     str | None, typer.Option("--report", metavar="OUT.json", help="Write the report as JSON; of several, a folder.")
 ]
