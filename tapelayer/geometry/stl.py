@@ -37,24 +37,7 @@ _SOLID = re.compile(
 )
 
 
-def read_mesh(path: Path, unit: Unit = "mm") -> Mesh:
-    """Read a mended mesh from a binary or ASCII STL file.
-
-    Args:
-        path: the file.
-        unit: unit of its numbers; STL does not state one.
-
-    Raises:
-        MeshRefused: the file is missing, or as `parse_mesh`.
-    """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise MeshRefused.unreadable(str(path), error) from None
-    return parse_mesh(data, str(path), unit)
-
-
-def parse_mesh(data: bytes, name: str, unit: Unit = "mm") -> Mesh:
+def parse_stl(data: bytes, name: str, unit: Unit = "mm") -> Mesh:
     r"""Return a mended mesh from the bytes of a binary or ASCII STL file.
 
     Args:
@@ -69,7 +52,7 @@ def parse_mesh(data: bytes, name: str, unit: Unit = "mm") -> Mesh:
     Examples:
         >>> corners = "vertex 0 0 0 vertex 1000 0 0 vertex 0 1000 0"
         >>> text = f"solid part\nfacet normal 0 0 1 outer loop {corners} endloop endfacet\nendsolid part"
-        >>> mesh = parse_mesh(text.encode(), "part.stl", "mm")
+        >>> mesh = parse_stl(text.encode(), "part.stl", "mm")
         >>> mesh.vertices.tolist(), mesh.areas.tolist()
         ([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [0.5])
     """

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tapelayer.geometry import envelope, slicing
-from tapelayer.geometry.stl import read_mesh
+from tapelayer.geometry.models import read_mesh
 from tests.helpers.meshes import box, from_triangles, inside
 from tests.helpers.parts import CLEAN, DIRTY, OPEN_SKINS, REAL_OPEN_SKINS, real_parts
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tapelayer.geometry.adjacency import neighbours
 from tapelayer.geometry.mending import Mending, mended
-from tapelayer.geometry.stl import read_mesh
+from tapelayer.geometry.models import read_mesh
 from tests.helpers.parts import DIRTY, DUPLICATES, SLIVERS, real_parts
 from tests.helpers.stl_files import TETRAHEDRON
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tapelayer.geometry.mending import Mending
-from tapelayer.geometry.stl import read_mesh
+from tapelayer.geometry.models import read_mesh
 from tests.helpers.stl_files import TETRAHEDRON, binary, written
 
 

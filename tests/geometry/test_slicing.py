@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tapelayer.geometry import envelope, slicing
-from tapelayer.geometry.stl import read_mesh
+from tapelayer.geometry.models import read_mesh
 from tests.helpers.meshes import box, from_triangles, inside, surface
 from tests.helpers.parts import CLEAN, DIRTY, real_parts
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tapelayer.errors import MeshRefused
 from tapelayer.geometry.mending import Mending
-from tapelayer.geometry.stl import read_mesh
+from tapelayer.geometry.models import read_mesh
 from tests.helpers.parts import CLEAN
 from tests.helpers.stl_files import TETRAHEDRON, ascii, binary, written
 
