@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tapelayer.arrays import Floats, Frozen, Ints, Mask
+
+# Shares of a time this close together are one, and no search for one takes more steps.
+SAME_SHARE = 1e-14
+MOST_STEPS = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +24,7 @@ class Blends(Frozen):
         overlaps: (n,) seconds of that overlap, 0 where the control stops or passes a straight corner.
         braking: (n,) path deceleration of each block in it, path units/s2.
         starting: (n,) path acceleration of the following block in it, path units/s2.
+        easing: (n,) seconds at the beginning and at the end of it in which these set in and fade; 0 where at once.
     """
 
     following: Ints
@@ -28,6 +33,54 @@ class Blends(Frozen):
     overlaps: Floats
     braking: Floats
     starting: Floats
+    easing: Floats
+
+    @staticmethod
+    def of(
+        rows: Ints,
+        joined: Ints,
+        count: int,
+        begins: Floats,
+        overlaps: Floats,
+        braking: Floats,
+        starting: Floats,
+        easing: Floats,
+    ) -> Blends | None:
+        """Return the blends of some moving blocks with the next moving ones; None where there are none.
+
+        Args:
+            rows: (m,) the moving blocks.
+            joined: (j,) which of these overlap with the next.
+            count: of all blocks.
+            begins: (j,) seconds from the program's start to when the following block begins.
+            overlaps: (j,) seconds of overlap.
+            braking: (j,) path deceleration of the one block.
+            starting: (j,) path acceleration of the other.
+            easing: (j,) seconds in which these set in.
+        """
+        if not len(joined):
+            return None
+        blocks = np.arange(count)
+        following, preceding = blocks.copy(), blocks.copy()
+        following[rows[joined]], preceding[rows[joined + 1]] = rows[joined + 1], rows[joined]
+        spread = np.zeros((5, count))
+        for values, given in zip(spread, (begins, overlaps, braking, starting, easing), strict=True):
+            values[rows[joined]] = given
+        return Blends(following, preceding, *spread)
+
+    def shifts(self, blocks: Ints, since: Floats) -> Floats:
+        """Return the lengths (m,) for an acceleration of 1 that acts since (m,) seconds, and set in as the blend's.
+
+        Args:
+            blocks: (m,) blocks at whose ends the blends are.
+            since: (m,) seconds, no more than half the overlap.
+        """
+        easing = self.easing[blocks]
+        early = np.minimum(since, easing)
+        late = since - early
+        cubes = np.divide(early**3, 6.0 * easing, out=np.zeros(len(since)), where=easing > 0.0)
+        shifts: Floats = cubes + late * (easing + late) / 2.0
+        return shifts
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +88,7 @@ class Clock(Frozen):
     """Time along the blocks of a program.
 
     The path coordinate adds up the lengths of the blocks' paths, in metres or radians, whichever axes each moves along;
-    between two breakpoints the path speed changes linearly.
+    between two breakpoints the path speed changes linearly, or at a constant jerk as the bulges say.
 
     Attributes:
         reached: (n + 1,) path coordinate at the program's start and at each block's end.
@@ -47,6 +100,9 @@ class Clock(Frozen):
         peaks: (n,) greatest path speed of each block on its own.
         ramps: (n,) path acceleration of each block's ramps; 0 where it has none.
         blends: how blocks overlap; None where none do.
+        bulges: (m,) path speed in the middle between a breakpoint and the next, beyond the mean of theirs; None where
+            it changes linearly everywhere.
+        jerks: (n,) greatest path jerk in each block; None where the control does not limit it.
     """
 
     reached: Floats
@@ -58,6 +114,27 @@ class Clock(Frozen):
     peaks: Floats
     ramps: Floats
     blends: Blends | None = None
+    bulges: Floats | None = None
+    jerks: Floats | None = None
+
+    def through(self, rows: Ints, ends: Floats, stands: Mask, standing: Floats) -> Clock:
+        """Return this clock with the ends of all blocks, those included that do not move.
+
+        Args:
+            rows: (m,) the moving blocks of n.
+            ends: (m,) seconds at their ends.
+            stands: (m,) True where the control stands still there.
+            standing: (n,) seconds that each of the others takes.
+        """
+        # Blocks that do not move end where the last one that moves did, after the time they stand.
+        moving = np.zeros(len(standing), np.int64)
+        moving[rows] = 1
+        last = np.cumsum(moving) - 1
+        stood = np.cumsum(standing)
+        since = stood - np.where(last >= 0, stood[rows[np.maximum(last, 0)]], 0.0)
+        every = np.where(last >= 0, ends[np.maximum(last, 0)], 0.0) + since
+        still = np.where(last >= 0, stands[np.maximum(last, 0)], True) | (standing > 0.0)
+        return replace(self, ends=np.append(0.0, np.maximum.accumulate(every)), stands=still)
 
     @property
     def durations(self) -> Floats:
@@ -86,6 +163,9 @@ class Clock(Frozen):
         if len(moving) and len(self.marks):
             index, since = self._interval(times[moving])
             at = self.marks[index] + since * (self.speeds[index] + since * self._slopes(index) / 2.0)
+            if self.bulges is not None:
+                share = self._shares(index, since)
+                at += since * share * self.bulges[index] * (2.0 - 4.0 / 3.0 * share)
             even[moving] = (at - self.reached[blocks[moving]]) / lengths[moving]
         # At its end a block is done, whatever is left of it by rounding.
         return np.where(times >= self.ends[blocks + 1], 1.0, np.clip(even, 0.0, 1.0))
@@ -94,6 +174,9 @@ class Clock(Frozen):
         """Return the path speed (m,) at times (m,) in seconds; path units/s."""
         index, since = self._interval(times)
         speeds: Floats = self.speeds[index] + since * self._slopes(index)
+        if self.bulges is not None:
+            share = self._shares(index, since)
+            speeds += 4.0 * self.bulges[index] * share * (1.0 - share)
         return speeds
 
     def corners(self, blocks: Ints, fractions: Floats) -> tuple[Floats, Floats]:
@@ -115,7 +198,9 @@ class Clock(Frozen):
         since = np.clip(times - blends.begins[blocks], 0.0, blends.overlaps[blocks])
         left = np.clip(blends.begins[before] + blends.overlaps[before] - times, 0.0, blends.overlaps[before])
         left = np.where(before == blocks, 0.0, left)
-        return blends.braking[before] * left**2 / 2.0, blends.starting[blocks] * since**2 / 2.0
+        return blends.braking[before] * blends.shifts(before, left), blends.starting[blocks] * blends.shifts(
+            blocks, since
+        )
 
     def _interval(self, times: Floats) -> tuple[Ints, Floats]:
         """Return the breakpoint (m,) before each of the times (m,), and the seconds (m,) since."""
@@ -128,13 +213,45 @@ class Clock(Frozen):
         slopes: Floats = (self.speeds[index + 1] - self.speeds[index]) / np.where(spans > 0.0, spans, 1.0)
         return slopes
 
+    def _shares(self, index: Ints, since: Floats) -> Floats:
+        """Return the share (m,) of the time to the next breakpoint that has passed (m,) seconds after breakpoints."""
+        spans = self.moments[index + 1] - self.moments[index]
+        shares: Floats = since / np.where(spans > 0.0, spans, 1.0)
+        return shares
+
     def first_times(self, coordinates: Floats) -> Floats:
         """Return the first seconds (m,) at which path coordinates (m,) are reached."""
         index = np.clip(np.searchsorted(self.marks, coordinates, side="left") - 1, 0, len(self.marks) - 2)
         along, speed = np.maximum(coordinates - self.marks[index], 0.0), self.speeds[index]
+        spans = self.moments[index + 1] - self.moments[index]
+        if self.bulges is not None:
+            return self.moments[index] + spans * self._shares_of(index, along)
         root = speed + np.sqrt(np.maximum(speed**2 + 2.0 * self._slopes(index) * along, 0.0))
         since = 2.0 * along / np.where(root > 0.0, root, 1.0)
-        return self.moments[index] + np.minimum(since, self.moments[index + 1] - self.moments[index])
+        return self.moments[index] + np.minimum(since, spans)
+
+    def _shares_of(self, index: Ints, along: Floats) -> Floats:
+        """Return the share (m,) of the time to the next breakpoint after which lengths (m,) have been covered.
+
+        A cubic that never falls: steps by its slope, halved wherever one would leave what brackets the answer.
+        """
+        if self.bulges is None:
+            raise ValueError("without bulges the way is a square of the time")
+        spans = self.moments[index + 1] - self.moments[index]
+        first, gain, bulge = self.speeds[index], self.speeds[index + 1] - self.speeds[index], self.bulges[index]
+        low, high = np.zeros(len(index)), np.ones(len(index))
+        whole = spans * (first + gain / 2.0 + 2.0 / 3.0 * bulge)
+        share = np.clip(np.divide(along, whole, out=np.zeros(len(index)), where=whole > 0.0), 0.0, 1.0)
+        for _ in range(MOST_STEPS):
+            off = spans * share * (first + share * (gain / 2.0 + bulge * (2.0 - 4.0 / 3.0 * share))) - along
+            low, high = np.where(off <= 0.0, share, low), np.where(off >= 0.0, share, high)
+            if np.all(high - low <= SAME_SHARE):
+                break
+            slope = spans * (first + share * (gain + 4.0 * bulge * (1.0 - share)))
+            step = np.divide(off, slope, out=np.full(len(index), np.inf), where=slope > 0.0)
+            better = share - step
+            share = np.where((better > low) & (better < high), better, (low + high) / 2.0)
+        return share
 
     @staticmethod
     def even(reached: Floats, durations: Floats, stands: Mask) -> Clock:

@@ -59,6 +59,11 @@ class Rule:
         """Whether the control can pass a block's end without a stop."""
         return self.corner in ("linuxcnc", "look_ahead")
 
+    @property
+    def eases(self) -> bool:
+        """Whether the control keeps the jerk of axes within their limits; LinuxCNC 2.9 knows of none."""
+        return self.corner in ("stop", "look_ahead")
+
     def rounding(self, allowed: float) -> float:
         """Return how far, in metres, corners are rounded off in a job whose path may be off by `allowed` metres.
 
@@ -101,13 +106,14 @@ class Chain(Frozen):
     Attributes:
         begins: (m, k) change of every axis per path unit at the block's beginning.
         ends: (m, k) the same at its end, which differs where the block is an arc.
-        shares: (m, k) greatest of that change anywhere in the block.
+        shares: (m, k) greatest of that change anywhere in the block, of either sign.
         xyz: columns of X, Y, Z in it.
         lengths: (m,) path units.
         speeds: (m,) greatest path speed, by feed word and axes.
         tops: (m,) greatest path speed by the axes alone.
         accelerations: (m,) greatest path acceleration.
         axes: (k,) greatest acceleration of every axis.
+        jerks: (k,) greatest jerk of every axis; inf where the control does not limit it.
         tolerances: (m,) metres by which the end may be rounded off, 0 for a full stop.
         scales: (k,) radians that count as a metre there: a degree as a millimetre; 1 for linear axes.
         rapid: (m,) whether a block is a rapid.
@@ -124,6 +130,7 @@ class Chain(Frozen):
     tops: Floats
     accelerations: Floats
     axes: Floats
+    jerks: Floats
     tolerances: Floats
     scales: Floats
     rapid: Mask
@@ -148,6 +155,7 @@ class Passing(Frozen):
         onsets: (m,) path speed below which a braking block lets the next begin; 0 where none may.
         pauses: (m,) seconds that a stop at the end costs beyond the ramps.
         rounding: (m,) seconds within which a corner that is passed at speed turns, 0 where it is straight or an arc.
+        easing: (m,) seconds of these, at either end, in which the acceleration sets in and fades.
         trims: (m,) path units on either side of a corner that an arc replaces, 0 where there is none.
         arcs: (m,) path units of that arc, on which the speed is constant.
     """
@@ -158,6 +166,7 @@ class Passing(Frozen):
     onsets: Floats
     pauses: Floats
     rounding: Floats
+    easing: Floats
     trims: Floats
     arcs: Floats
 
@@ -167,34 +176,88 @@ def passing(chain: Chain, rule: Rule) -> Passing:
     if rule.corner == "linuxcnc":
         return _linuxcnc(chain, rule)
     nothing = np.zeros(len(chain.lengths))
-    caps = _looked_ahead(chain) if rule.corner == "look_ahead" else nothing
-    turns = _turns(chain)
-    rounding = np.zeros(len(caps))
-    rounding[:-1] = np.max(turns / chain.axes, axis=1, initial=0.0) * caps[:-1]
-    return Passing(chain.speeds, chain.accelerations, caps, nothing, nothing, rounding, nothing, nothing)
+    caps = rounding = easing = nothing
+    if rule.corner == "look_ahead":
+        turning = Turning.of(chain)
+        caps = _looked_ahead(chain, turning)
+        rounding, easing = _turning_times(turning, caps)
+    return Passing(chain.speeds, chain.accelerations, caps, nothing, nothing, rounding, easing, nothing, nothing)
 
 
-def _turns(chain: Chain) -> Floats:
-    """Return the change of direction (m - 1, k) of every axis at each corner."""
-    turns: Floats = np.abs(chain.begins[1:] - chain.ends[:-1])
-    return turns
+def greatest(changes: Floats, units: Floats) -> Floats:
+    """Return the greatest (m,) of changes (m, k) of axes either way, in units (k,) of their own; 0 without axes."""
+    found = np.zeros(len(changes))
+    for axis, unit in enumerate(units.tolist()):
+        np.maximum(found, np.abs(changes[:, axis]) / unit, out=found)
+    return found
 
 
-def _looked_ahead(chain: Chain) -> Floats:
+@dataclass(frozen=True, eq=False)
+class Turning(Frozen):
+    """What the corners between the blocks of a chain ask of its axes, at a path unit/s.
+
+    Attributes:
+        slowest: (m - 1,) seconds of the turn by the axes' accelerations.
+        eased: (m - 1,) the square of those by their jerks.
+        widest: (m - 1,) greatest change of an axis's speed, m/s; a degree counts as a millimetre.
+    """
+
+    slowest: Floats
+    eased: Floats
+    widest: Floats
+
+    @staticmethod
+    def of(chain: Chain) -> Turning:
+        """Return the turning of a chain's corners, one axis after the other: no array holds all of them."""
+        slowest, eased, widest = np.zeros((3, len(chain.lengths) - 1))
+        axes = zip(chain.begins.T, chain.ends.T, chain.axes, chain.jerks, chain.scales, strict=True)
+        for begins, ends, acceleration, jerk, scale in axes:
+            turns = np.abs(begins[1:] - ends[:-1])
+            np.maximum(slowest, turns / acceleration, out=slowest)
+            np.maximum(widest, turns / scale, out=widest)
+            if np.isfinite(jerk):
+                np.maximum(eased, np.where(turns > ROUNDING, turns, 0.0) / jerk, out=eased)
+        return Turning(slowest, eased, widest)
+
+
+def _turning_times(turning: Turning, caps: Floats) -> tuple[Floats, Floats]:
+    """Return the seconds (m,) in which the corners at blocks' ends turn, and those of their easing.
+
+    The acceleration sets in over the easing, stays, and fades over the easing; without limits of jerk it is there at
+    once. A turn so slight that its axes need not reach their acceleration has nothing but easing.
+
+    Args:
+        turning: of its corners.
+        caps: (m,) path speed at each block's end.
+    """
+    speeds = caps[:-1]
+    squares = turning.eased * speeds
+    even = np.maximum(turning.slowest * speeds, np.sqrt(squares))
+    easing = np.divide(squares, even, out=np.zeros(len(speeds)), where=even > 0.0)
+    return np.append(even + easing, 0.0), np.append(easing, 0.0)
+
+
+def _looked_ahead(chain: Chain, turning: Turning) -> Floats:
     """Return the greatest path speed (m,) at each block's end.
 
     A corner is rounded by a parabola: it turns in the time that its axes need, stays within the tolerance in every
-    axis (a millimetre counts as a degree), and takes no more than half of either block.
+    axis (a millimetre counts as a degree), and takes no more than half of either block. Limits of jerk make the turn
+    longer by its easing, and the parabola of the whole time is the widest that it can be.
+
+    Args:
+        chain: the moving blocks.
+        turning: of its corners.
     """
-    turns = _turns(chain)
+    slowest, eased, widest = turning.slowest, turning.eased, turning.widest
     room = np.minimum(chain.lengths[1:], chain.lengths[:-1])
-    slowest = np.max(turns / chain.axes, axis=1, initial=0.0)
-    within = chain.tolerances[:-1, None] * chain.scales
     with np.errstate(divide="ignore", invalid="ignore"):
-        rounded = np.min(np.where(turns > 0.0, 8.0 * within / turns, math.inf), axis=1, initial=math.inf)
+        rounded = np.where(widest > 0.0, 8.0 * chain.tolerances[:-1] / widest, math.inf)
         squares = np.where(slowest > 0.0, np.minimum(rounded, room) / slowest, math.inf)
-    caps = np.zeros(len(chain.lengths))
-    caps[:-1] = np.sqrt(squares)
+        caps = np.append(np.sqrt(squares), 0.0)
+        # The time of the turn is v s + e / s at speed v, or without even acceleration 2 sqrt(v e).
+        longer = np.sqrt(squares + (eased / slowest**2 / 2.0) ** 2) - eased / slowest**2 / 2.0
+        slight = np.cbrt((squares * slowest) ** 2 / (4.0 * eased))
+        caps[:-1] = np.where(eased > 0.0, np.where(longer * slowest**2 >= eased, longer, slight), caps[:-1])
     passed = chain.joined & (chain.tolerances[:-1] > 0.0) & (chain.groups[1:] == chain.groups[:-1])
     caps[:-1] = np.where(passed, np.minimum(caps[:-1], np.minimum(chain.speeds[:-1], chain.speeds[1:])), 0.0)
     return caps
@@ -240,7 +303,8 @@ def _linuxcnc(chain: Chain, rule: Rule) -> Passing:
     # A full stop ends on a servo cycle: half a cycle on average.
     stops = np.append(~tangent & ~parabolic, True)
     pauses = np.where(stops, rule.cycle / 2.0, 0.0)
-    return Passing(speeds, accelerations, caps, onsets, pauses, np.zeros(len(speeds)), trims, arcs)
+    nothing = np.zeros(len(speeds))
+    return Passing(speeds, accelerations, caps, onsets, pauses, nothing, nothing, trims, arcs)
 
 
 def _units(xyz: Floats) -> Floats:

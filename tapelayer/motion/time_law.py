@@ -14,18 +14,22 @@ import numpy as np
 
 from tapelayer.arrays import Floats, Frozen, Ints, Mask
 from tapelayer.machines.machine import Axis
-from tapelayer.motion.clock import Blends, Clock
-from tapelayer.motion.corners import ARC_SHARE, Chain, Passing, Rule, passing
+from tapelayer.motion.clock import Clock
+from tapelayer.motion.corners import ARC_SHARE, Chain, Rule, greatest, passing
+from tapelayer.motion.ramps import ramped_clock, ramps_of
+from tapelayer.motion.smoothing import eased, smoothed_clock
 from tapelayer.motion.trajectory import CIRCULAR, MOTIONS, Event, Kind, Trajectory
 from tapelayer.units import DEG, MM
 
 Lengths = TypeVar("Lengths", float, Floats)
 # An axis without a stated acceleration reaches its speed at once: within a microsecond.
 AT_ONCE = 1e6
-# Moments this close together, in seconds, are one.
-SAME_MOMENT = 1e-12
-# A corner that turns within this time, in seconds, is straight.
-LEAST_BLEND = 1e-9
+# Words ask for this share more than a block reaches, so that their last digit does not make it slower; where a block
+# reaches all but this share of what is set, they ask for that.
+SPARE = 5e-3
+AS_SET = 1e-2
+# A block that takes this much longer or shorter, in seconds, moves otherwise.
+SAME_MOTION = 1e-9
 # A path shorter than this, in metres or radians, is rounding.
 NO_MOTION = 1e-9
 
@@ -155,20 +159,9 @@ def rest_to_rest(lengths: Floats, speeds: Floats, accelerations: Floats, jerks: 
         >>> rest_to_rest(0.08 * one, 0.25 * one, 1.5 * one, 30.0 * one).round(6).tolist()
         [0.536667]
     """
-    jerks = np.broadcast_to(np.asarray(jerks, dtype=np.float64), lengths.shape)
-    rounding = accelerations / jerks
+    peaks, rates = eased(lengths, speeds, accelerations, np.broadcast_to(jerks, lengths.shape))
     with np.errstate(divide="ignore", invalid="ignore"):
-        ramps = np.where(
-            speeds >= accelerations * rounding, speeds / accelerations + rounding, 2 * np.sqrt(speeds / jerks)
-        )
-        # The peak of a move too short for its speed: with a stretch of full acceleration, or without one.
-        peaks = (-accelerations * rounding + np.sqrt((accelerations * rounding) ** 2 + 4 * accelerations * lengths)) / 2
-        short = np.where(
-            peaks >= accelerations * rounding,
-            2 * (peaks / accelerations + rounding),
-            4 * np.cbrt(lengths / (2 * jerks)),
-        )
-        seconds = np.where(lengths >= speeds * ramps, lengths / speeds + ramps, short)
+        seconds = lengths / peaks + peaks / rates + rates / jerks
     return np.where(lengths > 0.0, seconds, 0.0)
 
 
@@ -184,13 +177,95 @@ def timed(trajectory: Trajectory, limits: Limits, rule: Rule) -> Trajectory:
     return replace(trajectory, asked=trajectory.requested, durations=clock.durations, clock=clock)
 
 
+def within_reach(trajectory: Trajectory, limits: Limits, rule: Rule) -> Trajectory:
+    """Return a timed trajectory whose words ask for no more speed than blocks reach, where the control looks ahead.
+
+    Blocks on one ramp ask for the speed at its top, so that words do not change along it and arcs stay whole. The
+    motion stays as it is: where limits of jerk would make a run from stop to stop another one, its words stay.
+
+    Args:
+        trajectory: with its clock.
+        limits: of its axes.
+        rule: of the control.
+    """
+    clock, asked = trajectory.clock, trajectory.requested
+    if clock is None or rule.corner != "look_ahead" or not len(clock.marks):
+        return trajectory
+    lengths, runs = np.diff(clock.reached), np.append(0, np.cumsum(clock.stands[:-1]))
+    feeds = np.flatnonzero((trajectory.kinds == Kind.LINEAR) & (lengths > 0.0))
+    if not len(feeds):
+        return trajectory
+    peaks = _headed_for(clock, feeds, runs[feeds])
+    high = lengths[feeds] > peaks * asked[feeds] * (1.0 + AS_SET)
+    lowered = asked.copy()
+    lowered[feeds[high]] = lengths[feeds[high]] / (peaks[high] * (1.0 + SPARE))
+    if not np.any(np.isfinite(limits.jerk)):
+        # Ramps of constant acceleration are the same to the last bit when no word is below their tops.
+        return replace(trajectory, asked=lowered)
+    found = timed(replace(trajectory, asked=lowered), limits, rule)
+    worst = np.zeros(runs[-1] + 1)
+    np.maximum.at(worst, runs, np.abs(found.durations - clock.durations))
+    other = worst[runs] > SAME_MOTION
+    if not np.any(other):
+        return found
+    return timed(replace(trajectory, asked=np.where(other, asked, lowered)), limits, rule)
+
+
+def _headed_for(clock: Clock, feeds: Ints, runs: Ints) -> Floats:
+    """Return the greatest speed (m,) that blocks reach, or the ramp that they are on.
+
+    A block is on a ramp if all of it speeds up or brakes.
+
+    Args:
+        clock: of all blocks.
+        feeds: (m,) moving blocks in order.
+        runs: (m,) number of the run from stop to stop of each.
+    """
+    begins, ends = clock.speeds_at(clock.ends[feeds]), clock.speeds_at(clock.ends[feeds + 1])
+    peaks, means = clock.peaks[feeds], np.diff(clock.reached)[feeds] / clock.durations[feeds]
+    ramp = np.abs(means - (begins + ends) / 2.0) <= AS_SET * peaks
+    up, down = (ramp & (to >= peaks * (1.0 - AS_SET)) & (to > other) for other, to in ((begins, ends), (ends, begins)))
+    joined = (up[:-1] | down[1:]) & (runs[1:] == runs[:-1])
+    ramps = np.append(0, np.cumsum(~joined))
+    tops = np.zeros(ramps[-1] + 1)
+    np.maximum.at(tops, ramps, peaks)
+    headed: Floats = tops[ramps]
+    return headed
+
+
+def at_reach(trajectory: Trajectory, seconds: Floats, limits: Limits, rule: Rule) -> Floats:
+    """Return the seconds (n,) of blocks at the greatest speed that they reach where words ask for no more than these.
+
+    On a control that looks ahead a block may be too short, or its corners too sharp, for its speed; on others the
+    seconds are those given.
+
+    Args:
+        trajectory: as its words ask.
+        seconds: (n,) that each block needs at its set speed; inf where its own words count.
+        limits: of its axes.
+        rule: of the control.
+    """
+    if rule.corner != "look_ahead":
+        return seconds
+    quick = np.minimum(trajectory.requested, seconds)
+    clock = clock_of(replace(trajectory, asked=quick), limits, rule)
+    lengths, moving = np.diff(clock.reached), clock.peaks > 0.0
+    reached = np.divide(lengths, clock.peaks, out=np.zeros(len(lengths)), where=moving)
+    return np.maximum(seconds, reached)
+
+
 def clock_of(trajectory: Trajectory, limits: Limits, rule: Rule) -> Clock:
     """Return when a control is where along a trajectory; arguments as `timed`."""
     blocks = np.arange(len(trajectory))
-    steps = np.nan_to_num(trajectory.positions - trajectory.begins(blocks))
+    # Column by column, as all that follows: it compares the axes of a block, and needs a fraction of the memory.
+    steps: Floats = np.empty(trajectory.positions.shape, order="F")
+    steps[:1] = trajectory.positions[:1] - trajectory.start
+    np.subtract(trajectory.positions[1:], trajectory.positions[:-1], out=steps[1:])
+    steps[np.isnan(steps)] = 0.0
     steps[~np.isin(trajectory.kinds, MOTIONS)] = 0.0
+    circular = np.flatnonzero(np.isin(trajectory.kinds, CIRCULAR))
     columns = [column for column in range(steps.shape[1]) if column not in rule.outputs]
-    lengths, groups = _paths(trajectory, steps, columns, rule)
+    lengths, groups = _paths(trajectory, steps, circular, columns, rule)
     moving = lengths > 0.0
     rapid = trajectory.kinds == Kind.RAPID
     asked = np.where(rapid, 0.0, trajectory.requested)
@@ -204,31 +279,43 @@ def clock_of(trajectory: Trajectory, limits: Limits, rule: Rule) -> Clock:
         needed = np.max(axis_times(steps, limits), axis=1, initial=0.0)
         spent = np.where(waits, asked, np.maximum(asked, needed))
         return Clock.even(reached, spent, np.full(len(blocks), rule.corner == "stop"))
+    # An axis that never moves bounds nothing.
+    columns = [column for column in columns if np.any(steps[:, column])]
     rows = np.flatnonzero(moving)
     # One drain for all the words in a row that wait for the end of motion.
     drains = waits & ~np.append(False, waits[:-1])
     standing = np.where(moving, 0.0, asked + np.where(drains, rule.drain, 0.0))
     axes = np.minimum(limits.acceleration[columns], AT_ONCE)
+    jerks = limits.jerk[columns] if rule.eases else np.full(len(columns), np.inf)
+    # In place of the steps, which are not needed any more: a million blocks' fill 80 MB.
+    directions = steps[: len(rows), : len(columns)]
+    for place, column in enumerate(columns):
+        np.divide(steps[rows, column], lengths[rows], out=directions[:, place])
     with np.errstate(divide="ignore"):
-        moved = np.abs(steps[rows][:, columns])
-        tops = lengths[rows] / np.max(moved / limits.speed[columns], axis=1)
-        accelerations = np.minimum(lengths[rows] / np.max(moved / axes, axis=1), AT_ONCE)
+        tops = 1.0 / greatest(directions, limits.speed[columns])
+        accelerations = np.minimum(1.0 / greatest(directions, axes), AT_ONCE)
         speeds = np.minimum(tops, lengths[rows] / asked[rows])
-    begins, ends = (
-        trajectory.derivatives(rows, np.full(len(rows), end))[:, columns] / lengths[rows, None] for end in (0.0, 1.0)
-    )
-    bends = np.max(trajectory.extremes(rows)[1][:, columns] / axes, axis=1) / lengths[rows] ** 2
+    begins, ends, bends = directions, directions, np.zeros(len(rows))
+    turning = circular[moving[circular]]
+    if len(turning):
+        bent, along = np.searchsorted(rows, turning), lengths[turning, None]
+        begins, ends = directions.copy(order="K"), directions.copy(order="K")
+        for places, end in ((begins, 0.0), (ends, 1.0)):
+            changes = trajectory.derivatives(turning, np.full(len(turning), end))
+            places[bent] = changes[:, columns] / along
+        bends[bent] = np.max(trajectory.extremes(turning)[1][:, columns] / axes / along**2, axis=1)
     speeds, tops, accelerations = _turning(bends, speeds, tops, accelerations)
     chain = Chain(
         begins=begins,
         ends=ends,
-        shares=moved / lengths[rows, None],
+        shares=directions,
         xyz=tuple(columns.index(column) for column in (rule.paths or ((),))[0] if column in columns),
         lengths=lengths[rows],
         speeds=speeds,
         tops=tops,
         accelerations=accelerations,
         axes=axes,
+        jerks=jerks,
         tolerances=trajectory.tolerances[rows],
         scales=np.where([column in rule.rotary for column in columns], DEG / MM, 1.0),
         rapid=rapid[rows],
@@ -236,26 +323,28 @@ def clock_of(trajectory: Trajectory, limits: Limits, rule: Rule) -> Clock:
         broken=np.append(np.diff(np.cumsum(waits | turned)[rows]) > 0, True),
     )
     passed = passing(chain, rule)
-    ramps = _ramps(chain, passed, limits.jerk[columns], np.cumsum(standing)[rows])
-    return _clock(ramps, rows, reached, standing)
+    if np.any(np.isfinite(jerks)):
+        return smoothed_clock(chain, passed, rows, reached, standing)
+    return ramped_clock(ramps_of(chain, passed, np.cumsum(standing)[rows]), rows, reached, standing)
 
 
-def _paths(trajectory: Trajectory, steps: Floats, columns: Sequence[int], rule: Rule) -> tuple[Floats, Ints]:
+def _paths(
+    trajectory: Trajectory, steps: Floats, circular: Ints, columns: Sequence[int], rule: Rule
+) -> tuple[Floats, Ints]:
     """Return the path length (n,) of each block, and the number (n,) of the group of axes that it is along."""
-    squares = steps**2
     groups = [*(list(group) for group in rule.paths), list(columns)]
     lengths, numbers = np.zeros(len(steps)), np.full(len(steps), len(groups))
     for number, group in enumerate(groups):
-        along = np.sqrt(np.sum(squares[:, group], axis=1))
+        along = np.sqrt(sum((steps[:, column] ** 2 for column in group), np.zeros(len(steps))))
         unset = lengths == 0.0
         numbers[unset & (along > 0.0)] = number
         lengths = np.where(unset, along, lengths)
-    circular = np.flatnonzero(np.isin(trajectory.kinds, CIRCULAR))
     if len(circular):
         arcs = trajectory.arcs(circular)
         turned = np.abs(arcs.sweeps) * np.max(arcs.radii, axis=0)
-        rest = squares[circular[:, None], [trajectory.column(axis) for axis in "xyz"]]
-        third = np.sum(rest, axis=1) - np.sum(np.take_along_axis(squares[circular], arcs.axes, axis=1), axis=1)
+        squares = steps[circular] ** 2
+        rest = squares[:, [trajectory.column(axis) for axis in "xyz"]]
+        third = np.sum(rest, axis=1) - np.sum(np.take_along_axis(squares, arcs.axes, axis=1), axis=1)
         lengths[circular] = np.sqrt(turned**2 + np.maximum(third, 0.0))
         # Each axis of the plane moves as fast as the path somewhere on the arc.
         steps[circular[:, None], arcs.axes] = turned[:, None]
@@ -278,193 +367,3 @@ def _turning(bends: Floats, speeds: Floats, tops: Floats, accelerations: Floats)
         bound = np.sqrt(ARC_SHARE / bends)
     speeds, tops = np.minimum(speeds, bound), np.minimum(tops, bound)
     return speeds, tops, accelerations * np.sqrt(1.0 - (bends * speeds**2) ** 2)
-
-
-@dataclass(frozen=True, eq=False)
-class _Ramps(Frozen):
-    """Trapezoids of path speed, one a moving block, and halves of the arcs at its corners.
-
-    Attributes:
-        begins: (m,) seconds at which each trapezoid begins, after the arc at the corner before.
-        ends: (m,) seconds at which each ends, before the arc at the corner after.
-        waits: (m,) seconds after the end before the next may begin, if the control stops.
-        first: (m,) path speed at the beginning.
-        tops: (m,) greatest path speed.
-        last: (m,) path speed at the end.
-        accelerations: (m,) of both ramps.
-        overlaps: (m,) seconds by which the next one begins before the end.
-        rounding: (m,) seconds in which a corner passed at speed turns.
-        trims: (m,) path units before and after the corner that an arc replaces, in all of that time.
-    """
-
-    begins: Floats
-    ends: Floats
-    waits: Floats
-    first: Floats
-    tops: Floats
-    last: Floats
-    accelerations: Floats
-    overlaps: Floats
-    rounding: Floats
-    trims: Floats
-
-    @property
-    def arcs(self) -> Floats:
-        """Seconds (m,) of half the arc at each block's end."""
-        return np.where(self.trims > 0.0, self.rounding / 2.0, 0.0)
-
-    @property
-    def corners(self) -> Floats:
-        """Path speed (m,) at each block's end: on an arc, path units that it replaces a second."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(self.trims > 0.0, self.trims / self.arcs, self.last)
-
-    def beside(self, times: Floats, shift: int) -> Floats:
-        """Return the path speed (m, c) that the block before (`shift` -1) or after (1) gives at times (m, c)."""
-        rows = slice(max(-shift, 0), len(times) - max(shift, 0))
-        other = slice(max(shift, 0), len(times) + min(shift, 0))
-        found = np.zeros_like(times)
-        since, left = times[rows] - self.begins[other, None], self.ends[other, None] - times[rows]
-        rate = self.accelerations[other, None]
-        ramps = np.minimum(self.first[other, None] + rate * since, self.last[other, None] + rate * left)
-        # A block may begin with the one before; where the next begins, its own speed there is the one that counts.
-        begun = since > -SAME_MOMENT if shift < 0 else since > SAME_MOMENT
-        inside = begun & (left > SAME_MOMENT)
-        speeds = np.where(inside, np.minimum(ramps, self.tops[other, None]), 0.0)
-        # The halves of the arcs at its corners.
-        arcs, corners = self.arcs[other, None], self.corners[other, None]
-        before = np.append(0.0, self.arcs[:-1])[other, None], np.append(0.0, self.corners[:-1])[other, None]
-        after = (left <= SAME_MOMENT) & (left + arcs > SAME_MOMENT)
-        ahead = ~begun & (since + before[0] > SAME_MOMENT)
-        found[rows] = speeds + np.where(after, corners, 0.0) + np.where(ahead, before[1], 0.0)
-        return found
-
-
-def _ramps(chain: Chain, passed: Passing, jerks: Floats, stood: Floats) -> _Ramps:
-    """Return the ramps of a chain.
-
-    Args:
-        chain: the moving blocks.
-        passed: how the control passes them.
-        jerks: (k,) greatest jerk of every axis.
-        stood: (m,) seconds stood still by non-moving blocks up to each block.
-    """
-    lengths = chain.lengths - passed.trims - np.append(0.0, passed.trims[:-1])
-    speeds, rates = passed.speeds, passed.accelerations
-    first, last = _reachable(lengths, speeds, rates, passed.caps)
-    tops = np.minimum(speeds, np.sqrt((2.0 * rates * lengths + first**2 + last**2) / 2.0))
-    ramped = (2.0 * tops**2 - first**2 - last**2) / (2.0 * rates)
-    seconds = (2.0 * tops - first - last) / rates + np.maximum(lengths - ramped, 0.0) / tops
-    overlaps, pauses = passed.onsets / rates, passed.pauses
-    rounding = np.divide(passed.arcs, last, out=passed.rounding.copy(), where=passed.arcs > 0.0)
-    if np.any(np.isfinite(jerks)):
-        stretch = _stretch(chain, seconds, last, overlaps, speeds, rates, jerks)
-        seconds, overlaps, rounding = seconds * stretch, overlaps * stretch, rounding * stretch
-        first, tops, last, rates = first / stretch, tops / stretch, last / stretch, rates / stretch**2
-    turned = np.where(passed.trims > 0.0, rounding, 0.0)
-    waited = np.append(0.0, np.cumsum(pauses - overlaps + turned)[:-1])
-    ends = np.cumsum(seconds) + waited + stood
-    return _Ramps(ends - seconds, ends, pauses, first, tops, last, rates, overlaps, rounding, passed.trims)
-
-
-def _reachable(lengths: Floats, speeds: Floats, rates: Floats, caps: Floats) -> tuple[Floats, Floats]:
-    """Return the path speed (m,) at each block's beginning and end: two passes over its square, none a loop.
-
-    Over a block the square of the speed changes by at most 2 a L, so that it is a running minimum once the sum of all
-    changes up to there is taken off.
-    """
-    if not np.any(caps):
-        return np.zeros(len(lengths)), np.zeros(len(lengths))
-    gains = np.cumsum(2.0 * rates * lengths)
-    squares = np.minimum(caps, speeds) ** 2
-    # Backward: at a block's end no faster than the next one, with all of its length, can brake from.
-    braked = np.minimum.accumulate((squares + gains)[::-1])[::-1] - gains
-    # Forward: no faster than it could have become since the last stop.
-    squares = np.minimum.accumulate(np.append(0.0, braked - gains))[1:] + gains
-    squares = np.where(caps > 0.0, np.maximum(squares, 0.0), 0.0)
-    last = np.sqrt(squares)
-    return np.append(0.0, last[:-1]), last
-
-
-def _stretch(
-    chain: Chain, seconds: Floats, last: Floats, overlaps: Floats, speeds: Floats, rates: Floats, jerks: Floats
-) -> Floats:
-    """Return the factor (m,) by which limits of jerk lengthen the time of each block.
-
-    A block alone from rest to rest has its closed form. A run of blocks without a stop takes longer by the time that an
-    axis needs to reach its acceleration: the speed is averaged over that time.
-    """
-    with np.errstate(divide="ignore"):
-        along = 1.0 / np.max(chain.shares / jerks, axis=1)
-    stops = (last == 0.0) & (overlaps == 0.0)
-    runs = np.cumsum(np.append(0, stops[:-1]))
-    total = np.bincount(runs, seconds) - np.bincount(runs, overlaps)
-    longest = np.zeros(runs[-1] + 1)
-    np.maximum.at(longest, runs, rates / along)
-    alone = np.bincount(runs)[runs] == 1
-    stretch: Floats = 1.0 + (longest / total)[runs]
-    rested = rest_to_rest(chain.lengths[alone], speeds[alone], rates[alone], along[alone])
-    stretch[alone] = rested / seconds[alone]
-    return stretch
-
-
-def _clock(ramps: _Ramps, rows: Ints, reached: Floats, standing: Floats) -> Clock:
-    """Return the clock of ramps, whose blocks are these rows (m,) of a program of n blocks."""
-    rise = (ramps.tops - ramps.first) / ramps.accelerations
-    fall = (ramps.tops - ramps.last) / ramps.accelerations
-    times = np.column_stack([ramps.begins, ramps.begins + rise, ramps.ends - fall, ramps.ends])
-    speeds = np.column_stack([ramps.first, ramps.tops, ramps.tops, ramps.last])
-    if np.any(ramps.trims):
-        # The half arcs before and after: the straight path that they replace passes at a constant speed.
-        arcs, corners = ramps.arcs, ramps.corners
-        before = np.append(0.0, arcs[:-1]), np.append(ramps.first[0], corners[:-1])
-        times = np.column_stack([ramps.begins - before[0], ramps.begins, times, ramps.ends, ramps.ends + arcs])
-        speeds = np.column_stack([before[1], before[1], speeds, corners, corners])
-    moments = times.ravel()
-    if np.any(ramps.overlaps):
-        speeds = speeds + ramps.beside(times, -1) + ramps.beside(times, 1)
-        order = np.argsort(moments, kind="stable")
-        moments, speeds = moments[order], speeds.ravel()[order]
-    else:
-        moments = np.maximum.accumulate(moments)
-    speeds = speeds.ravel()
-    marks = np.append(0.0, np.cumsum(np.diff(moments) * (speeds[:-1] + speeds[1:]) / 2.0))
-    stands = (ramps.last == 0.0) & (ramps.overlaps == 0.0)
-    peaks, rates = np.zeros(len(standing)), np.zeros(len(standing))
-    peaks[rows] = ramps.tops
-    rates[rows] = np.where((rise > 0.0) | (fall > 0.0), ramps.accelerations, 0.0)
-    clock = Clock(reached, np.zeros(len(reached)), np.zeros(0, np.bool_), moments, marks, speeds, peaks, rates)
-    ends = np.where(stands, ramps.ends + ramps.waits, clock.first_times(reached[rows + 1]))
-    # Blocks that do not move end where the last one that moves did, after the time they stand.
-    last = np.searchsorted(rows, np.arange(len(standing)), side="right") - 1
-    stood = np.cumsum(standing)
-    since = stood - np.where(last >= 0, stood[rows[np.maximum(last, 0)]], 0.0)
-    every = np.where(last >= 0, ends[np.maximum(last, 0)], 0.0) + since
-    still = np.where(last >= 0, stands[np.maximum(last, 0)], True) | (standing > 0.0)
-    return replace(
-        clock,
-        ends=np.append(0.0, np.maximum.accumulate(every)),
-        stands=still,
-        blends=_blends(ramps, rows, len(standing)),
-    )
-
-
-def _blends(ramps: _Ramps, rows: Ints, count: int) -> Blends | None:
-    """Return how the blocks, `count` in all, overlap or round off their corners; None where none do."""
-    overlaps = np.where(ramps.overlaps > 0.0, ramps.overlaps, ramps.rounding)
-    joined = np.flatnonzero(overlaps[:-1] > LEAST_BLEND)
-    if not len(joined):
-        return None
-    blocks = np.arange(count)
-    following, preceding = blocks.copy(), blocks.copy()
-    following[rows[joined]], preceding[rows[joined + 1]] = rows[joined + 1], rows[joined]
-    begins, spans, braking, starting = (np.zeros(count) for _ in range(4))
-    turned = ramps.overlaps[joined] == 0.0
-    finish = ramps.ends[joined] + ramps.arcs[joined]
-    begins[rows[joined]] = np.where(turned, finish - overlaps[joined] / 2.0, ramps.begins[joined + 1])
-    spans[rows[joined]] = overlaps[joined]
-    # A corner passed at speed turns evenly: as if one block gave up the speed while the other took it on.
-    even = ramps.corners[joined] / overlaps[joined]
-    braking[rows[joined]] = np.where(turned, even, ramps.accelerations[joined])
-    starting[rows[joined]] = np.where(turned, even, ramps.accelerations[joined + 1])
-    return Blends(following, preceding, begins, spans, braking, starting)

@@ -163,10 +163,14 @@ class Trajectory(Frozen):
     def progress(self, times: Floats) -> Floats:
         """Return how many blocks that take time (m,), parts included, are done at times (m,) in seconds."""
         blocks = np.minimum(np.searchsorted(self.times, times, side="left"), len(self) - 1)
-        lasting = np.diff(self.times, prepend=0.0) > 0.0
-        before = np.append(0, np.cumsum(lasting))[blocks]
-        done: Floats = before + np.where(lasting[blocks], self.fractions(blocks, times), 0.0)
-        return done
+        before, after = self._lasting[blocks], self._lasting[blocks + 1]
+        done: Floats = np.where(after > before, self.fractions(blocks, times), 0.0)
+        return done + before
+
+    @cached_property
+    def _lasting(self) -> Ints:
+        """Return how many blocks that take time (n + 1,) are done at the program's start and at each block's end."""
+        return frozen(np.append(0, np.cumsum(np.diff(self.times, prepend=0.0) > 0.0)))
 
     def paces(self, blocks: Ints, times: Floats) -> Floats:
         """Return the share of blocks (m,) that the control covers a second at times (m,) in seconds.

@@ -68,3 +68,29 @@ def test_what_no_block_can_keep_is_said_with_its_place() -> None:
 
     layout = even_blocks(KNOTS, EVEN, np.array([0.0, 1.0]), excess)
     assert layout.faulty == pytest.approx(0.3, abs=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_where_need_and_load_differ_few_blocks_give_way_and_few_are_judged_again(seed: int) -> None:
+    """Blocks whose ends are balanced, so that the excess of each depends on its neighbours' lengths too."""
+    chance = np.random.default_rng(seed)
+    knots = np.linspace(0.0, 1.0, 2001)
+    bends = chance.uniform(0.5, 1.0, len(knots))
+    judged = []
+
+    def excess(ends: Floats) -> Floats:
+        judged.append(len(ends) - 1)
+        sags = np.interp((ends[1:] + ends[:-1]) / 2.0, knots, bends) * (1000.0 * np.diff(ends)) ** 2
+        out = np.concatenate([[0.0], (sags[1:] + sags[:-1]) / 4.0, [0.0]])
+        return np.maximum(np.maximum(out[1:], out[:-1]), sags - (out[1:] + out[:-1]) / 2.0) * 1.9
+
+    load = np.full(2000, 1000.0 * np.sqrt(0.75))
+    layout = even_blocks(knots, load, np.array([0.0, 0.3, 1.0]), excess)
+    rounds = list(judged)
+    assert layout.faulty is None and 0.3 in layout.ends
+    assert np.all(excess(layout.ends) <= 1.0)
+    # As many blocks as the sharpest bend asks for all along would be 1000, and more where they are laid out in turns.
+    assert len(layout.ends) - 1 <= 1000
+    steps = np.diff(layout.ends)
+    assert np.max(steps[1:] / steps[:-1]) < 2.0 and np.max(steps[:-1] / steps[1:]) < 2.0
+    assert sum(rounds) < 7 * len(steps)
