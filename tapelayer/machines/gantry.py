@@ -18,6 +18,8 @@ from tapelayer.machines.machine import CHUNK, Machine
 
 # The order of every pose here: d1, d2, d3, theta4, theta5.
 POSE = ("x", "y", "z", "c", "a")
+# Links that touch by nature, besides those that a joint connects: the knives work against the cutter's anvil.
+TOUCHING = (("cutter", "knife_1"), ("cutter", "knife_2"))
 
 Kinematics = Literal["roller", "published"]
 

@@ -88,13 +88,14 @@ class Machine:
         sha256: SHA-256 of its bytes, hexadecimal.
         axes: driven joints in the file's order: the columns of every q.
         model: Pinocchio's model of the file's chain, in which mimic joints are joints like others.
+        moving: moving joints of the file, with what those that follow others follow.
     """
 
     path: Path
     sha256: str
     axes: tuple[Axis, ...]
     model: pinocchio.Model
-    _moving: tuple[Joint, ...]
+    moving: tuple[Joint, ...]
     _joints: tuple[_Joint, ...]
     _frames: Mapping[str, _Frame]
 
@@ -271,7 +272,7 @@ class Machine:
         """
         values = self._checked(q)
         configurations = np.empty((len(values), self.model.nq))
-        for moving in self._moving:
+        for moving in self.moving:
             joint = self.model.getJointId(moving.name)
             first = self.model.idx_qs[joint]
             turned = moving.multiplier * values[:, self.column(moving.mimics or moving.name)] + moving.offset

@@ -48,6 +48,9 @@ _COUNTS = {
 }
 
 
+# The sizes of the solids that a <collision> may be.
+SOLIDS = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
+
 Faults = Iterator[tuple[ElementTree.Element, str]]
 
 
@@ -80,11 +83,66 @@ class Joint:
     offset: float = 0.0
 
 
+@dataclass(frozen=True)
+class Collision:
+    """One rigid shape of a link.
+
+    Attributes:
+        link: name of the link.
+        name: its own name; empty where the file gives none.
+        kind: box, cylinder (along its z) or sphere.
+        sizes: metres: the edges along x, y, z of a box, radius and length of a cylinder, radius of a sphere.
+        xyz: its middle in the link, metres.
+        rpy: its turns about the link's fixed axes x, y, z, radians.
+    """
+
+    link: str
+    name: str
+    kind: str
+    sizes: tuple[float, ...]
+    xyz: tuple[float, ...]
+    rpy: tuple[float, ...]
+
+
 def read_urdf(path: Path) -> tuple[tuple[Joint, ...], str]:
     """Return the moving joints of a URDF in the file's order, and its links and joints alone as XML for Pinocchio.
 
     Raises:
         ModelRefused: the file cannot be read, is no URDF, or has faults; all faults at once, with their lines.
+    """
+    root, _ = _whole(path)
+    moving = {element.attrib["name"]: element for element in root.findall("joint") if element.get("type") != "fixed"}
+    joints = tuple(_joint(name, moving) for name in moving)
+    if not any(not joint.mimics for joint in joints):
+        raise ModelRefused(f"{path}: no joint moves")
+    return joints, _chain(root)
+
+
+def read_collisions(path: Path) -> tuple[Collision, ...]:
+    """Return the rigid shapes of a URDF's links, in the file's order.
+
+    Raises:
+        ModelRefused: as `read_urdf`, or a link is drawn and has no <collision>, or one is no solid of a known size.
+    """
+    root, lines = _whole(path)
+    if found := [InputFault(lines.get(element, 0), sentence) for element, sentence in _solids(root)]:
+        raise ModelRefused(str(InputRefused(str(path), sorted(found, key=lambda fault: fault.line))))
+    shapes = []
+    for link in root.findall("link"):
+        for collision in link.findall("collision"):
+            origin, solid = collision.find("origin"), next(iter(collision.iterfind("geometry/*")))
+            place = {} if origin is None else origin.attrib
+            xyz, rpy = (tuple(map(float, place.get(key, "0 0 0").split())) for key in ("xyz", "rpy"))
+            sizes = tuple(float(size) for key in SOLIDS[solid.tag] for size in solid.attrib[key].split())
+            shapes.append(Collision(link.attrib["name"], collision.get("name", ""), solid.tag, sizes, xyz, rpy))
+    return tuple(shapes)
+
+
+def _whole(path: Path) -> tuple[ElementTree.Element, dict[ElementTree.Element, int]]:
+    """Return the root element of a URDF without faults, and the line of each element.
+
+    Raises:
+        ModelRefused: as `read_urdf`.
     """
     try:
         root, lines = _parsed(xml_text(path.read_bytes()))
@@ -98,11 +156,7 @@ def read_urdf(path: Path) -> tuple[tuple[Joint, ...], str]:
         # Each of these relies on the one before.
         if found := [InputFault(lines.get(element, 0), sentence) for element, sentence in faults]:
             raise ModelRefused(str(InputRefused(str(path), sorted(found, key=lambda fault: fault.line))))
-    moving = {element.attrib["name"]: element for element in root.findall("joint") if element.get("type") != "fixed"}
-    joints = tuple(_joint(name, moving) for name in moving)
-    if not any(not joint.mimics for joint in joints):
-        raise ModelRefused(f"{path}: no joint moves")
-    return joints, _chain(root)
+    return root, lines
 
 
 def xml_text(data: bytes) -> bytes | str:
@@ -276,6 +330,28 @@ def _followed(name: str, joints: Mapping[str, ElementTree.Element]) -> list[str]
             break
         followed[name] = None
     return list(followed)
+
+
+def _solids(root: ElementTree.Element) -> Faults:
+    """Yield the links that are drawn and cannot be collided with, and the shapes that are no solids of a known size."""
+    for link in root.findall("link"):
+        name, collisions = link.attrib["name"], link.findall("collision")
+        if link.find("visual") is not None and not collisions:
+            yield link, f"no <collision> on link {name!r}, which is drawn; give it boxes, cylinders or spheres"
+        for collision in collisions:
+            solids = collision.findall("geometry/*")
+            if len(solids) != 1 or solids[0].tag not in SOLIDS:
+                held = ", ".join(f"<{solid.tag}>" for solid in solids) or "nothing"
+                expected = f"expected one of {', '.join(SOLIDS)} that contains the part"
+                yield collision, f"link {name!r}: <collision> holds {held}, {expected}"
+                continue
+            for attribute in SOLIDS[solids[0].tag]:
+                sizes = solids[0].get(attribute, "").split()
+                if not sizes or not all(float(size) > 0.0 for size in sizes):
+                    yield (
+                        solids[0],
+                        f"link {name!r}: <{solids[0].tag}> {attribute} is {' '.join(sizes)!r}, expected more than 0",
+                    )
 
 
 def _joint(name: str, moving: Mapping[str, ElementTree.Element]) -> Joint:

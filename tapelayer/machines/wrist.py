@@ -187,3 +187,6 @@ def widest_turn(slant: Floats, leans: Floats, lower: float, upper: float) -> Flo
 
 # The axes that a program moves; the standoff is set by hand.
 AXES = ("x", "y", "z", "theta", "phi")
+# Links that touch by nature, besides those that a joint connects: the pins C and F of the linkage, and the gun, which
+# passes the eye of E.
+TOUCHING = (("gun", "rod_bce"), ("rod_bce", "rod_dgc"), ("rod_ef", "rod_fg"))

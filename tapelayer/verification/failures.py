@@ -1,7 +1,9 @@
-"""Failures: the results of verification that the programs of both machines share, as failures and axis use."""
+"""Failures: the results of verification that all kinds of job share, as failures and axis use."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -47,32 +49,18 @@ class Failure:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Findings:
-    """Measurements on the programs of both machines.
+class Outcome:
+    """The verdict on what a job made.
 
     Attributes:
-        blocks: blocks in the program.
-        duration: of the program on its control, seconds.
-        asked: seconds that its words ask for.
-        time_law: the rule by which the time on the control is predicted.
-        forward_disagreement: largest difference between Pinocchio itself and the batch evaluator, metres.
-        axes: travel and speed of every axis.
         limits: of the setup, by quantity.
-        program_sha256: SHA-256 of the judged text, hexadecimal; empty for a plan.
-        failures: broken limits, worst first within a course; empty where the program passed.
+        failures: broken limits, worst first within a course; empty where it passed.
     """
 
-    blocks: int
-    duration: float
-    asked: float
-    time_law: str
-    forward_disagreement: float
-    axes: tuple[AxisUse, ...]
     limits: Limits
     failures: tuple[Failure, ...]
-    program_sha256: str = ""
 
-    # The parts of a program, as failures and reports call them.
+    # The parts of what is judged, as failures and reports call them.
     PART: ClassVar[str] = "course"
 
     @property
@@ -86,9 +74,60 @@ class Findings:
         return not self.failures
 
     def worst(self, shown: int) -> str:
-        """Return the first failures in words, one per line, then a count of the rest."""
+        """Return the first failures in words, one per line, then a count of the rest.
+
+        Examples:
+            >>> failures = tuple(Failure(number, 0, "gap_mm", 3.0, 2.0) for number in (1, 2, 3))
+            >>> print(Outcome(limits={}, failures=failures).worst(1))
+            course 1: gap_mm is 3, limit 2
+            and 2 more failures
+        """
         lines = [failure.sentence() for failure in self.failures[:shown]]
         more = len(self.failures) - shown
         if more > 0:
             lines.append(f"and {more} more failure{'s' if more > 1 else ''}")
         return "\n".join(lines)
+
+    def unmeasured(self) -> Iterator[str]:
+        """Yield the names of what was to be measured besides the quantities, and was not."""
+        yield from ()
+
+    def values(self) -> dict[str, Any]:
+        """Return what was measured besides the quantities, as plain values for JSON."""
+        return {}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Findings(Outcome):
+    """Measurements on the programs of both machines.
+
+    Attributes:
+        blocks: blocks in the program.
+        duration: of the program on its control, seconds.
+        asked: seconds that its words ask for.
+        time_law: the rule by which the time on the control is predicted.
+        forward_disagreement: largest difference between Pinocchio itself and the batch evaluator, metres.
+        axes: travel and speed of every axis.
+        program_sha256: SHA-256 of the judged text, hexadecimal; empty for a plan.
+    """
+
+    blocks: int
+    duration: float
+    asked: float
+    time_law: str
+    forward_disagreement: float
+    axes: tuple[AxisUse, ...]
+    program_sha256: str = ""
+
+    def unmeasured(self) -> Iterator[str]:
+        """Yield the names of the axes' travels and speeds that were not measured."""
+        for axis in self.axes:
+            travel, speed, *_ = axis.failures
+            if not (math.isfinite(axis.least) and math.isfinite(axis.greatest)):
+                yield travel
+            if not math.isfinite(axis.top_speed):
+                yield speed
+
+    def values(self) -> dict[str, Any]:
+        """Return the use of each axis."""
+        return {"axes": {axis.name: axis.values() for axis in self.axes}}

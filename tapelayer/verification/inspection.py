@@ -11,6 +11,7 @@ import numpy as np
 from tapelayer.arrays import Floats, Mask
 from tapelayer.machines.machine import Axis, Machine
 from tapelayer.motion.corners import Rule
+from tapelayer.motion.time_law import Limits as AxisLimits
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.verification.axis_use import axes_used
@@ -72,6 +73,11 @@ class Judge(ABC, Generic[FindingsT]):
         """Name of the rule by which time is predicted."""
         ramped = any(np.isfinite(axis.acceleration) for axis in self.axes)
         return self.rule.corner if ramped and self.rule.corner != "none" else SPEEDS_ONLY
+
+    @property
+    def _axis_limits(self) -> AxisLimits:
+        """Speed, acceleration and jerk of the axes that a program moves."""
+        return AxisLimits.of(self.axes)
 
     def _digits(self, resolution: Floats | None) -> Floats:
         return np.zeros(len(self.axes)) if resolution is None else resolution

@@ -205,10 +205,42 @@ def test_the_tape_comes_straight_down_onto_the_roller() -> None:
     assert tape[:3, 2] @ contact[:3, 2] < 0
 
 
-def test_every_link_with_a_shape_can_be_collided_with_and_uses_a_named_colour() -> None:
+def shapes_of(link: ElementTree.Element, tag: str) -> list[tuple[str, ...]]:
+    """Name, place and size of each shape of a link, as text."""
+    texts = []
+    for element in link.findall(tag):
+        origin, geometry = element.find("origin"), element.find("geometry")
+        assert origin is not None and geometry is not None and len(geometry) == 1
+        place = (origin.attrib["xyz"], origin.get("rpy", "0 0 0"))
+        texts.append((element.get("name", ""), *place, geometry[0].tag, str(sorted(geometry[0].attrib.items()))))
+    return texts
+
+
+def test_what_is_drawn_can_be_collided_with_but_for_tape_and_paper() -> None:
     robot = ElementTree.parse(TAPELAYER).getroot()
     colours = {material.attrib["name"] for material in robot.findall("material")}
+    bare = []
     for link in robot.findall("link"):
-        visuals = link.findall("visual")
-        assert bool(visuals) == bool(link.findall("collision"))
-        assert {visual.find("material").attrib["name"] for visual in visuals} <= colours  # type: ignore[union-attr]
+        drawn = shapes_of(link, "visual")
+        rigid = [shape for shape in drawn if shape[0] not in ("tape", "paper")]
+        bare += [shape[0] for shape in drawn if shape not in rigid]
+        assert shapes_of(link, "collision") == rigid, link.attrib["name"]
+        materials = {visual.find("material").attrib["name"] for visual in link.findall("visual")}  # type: ignore[union-attr]
+        assert materials <= colours
+    assert bare == ["tape", "paper"]
+
+
+def test_the_auxiliary_roller_stands_still_above_the_mould() -> None:
+    auxiliary, contact = (pinocchio_pose({}, frame) for frame in ("auxiliary_roller", "contact"))
+    seen = np.linalg.inv(contact) @ auxiliary
+    np.testing.assert_allclose(seen[:3, 3], [-0.105, 0.0, 0.05], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(seen[:3, :3], np.eye(3), rtol=0, atol=1e-12)
+    robot = by_yourdfpy(str(TAPELAYER)).robot
+    assert next(joint for joint in robot.joints if joint.child == "auxiliary_roller").type == "fixed"
+
+
+def test_pinocchio_and_yourdfpy_read_every_collision_shape() -> None:
+    shapes = ElementTree.parse(TAPELAYER).getroot().findall("link/collision")
+    geometry = pinocchio.buildGeomFromUrdf(model(), str(TAPELAYER), pinocchio.GeometryType.COLLISION)
+    links = by_yourdfpy(str(TAPELAYER)).robot.links
+    assert len(shapes) == len(geometry.geometryObjects) == sum(len(link.collisions) for link in links) == 66

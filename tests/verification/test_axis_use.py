@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,6 +42,8 @@ def test_travel_and_speed_are_those_of_the_way() -> None:
         "speed_limit": pytest.approx(math.degrees(1.0)),
         "max_acceleration": None,
         "acceleration_limit": None,
+        "max_jerk": None,
+        "jerk_limit": None,
     }
 
 
@@ -57,6 +60,27 @@ def test_accelerations_are_those_of_the_ramps_on_the_control() -> None:
     (breach,) = axes_used(timed(way, Limits.of(axes), rule), weaker, NONE, NONE)[1]
     limit = pytest.approx(math.degrees(3.5))
     assert breach == Breach(1, "axis_c_acceleration_deg_per_s2", pytest.approx(math.degrees(4.0)), limit)
+
+
+def test_jerks_are_those_of_ramps_and_corners_on_a_control_that_limits_them() -> None:
+    """X leads with its 40 m/s3 and C follows with half of that; into the second block, C alone turns."""
+    axes = Axis("x", False, -1.0, 2.0, 0.5, 2.0, 40.0), Axis("c", True, -math.pi, math.pi, 1.0, 4.0, 80.0)
+    way = driven([[0.5, 0.25], [1.0, 0.5], [1.5, 0.5]], "xc", durations=(2.0, 2.0, 2.0))
+    blended = replace(way, tolerances=np.array([1e-4, 1e-4, 0.0]))
+    rule = Rule("look_ahead", paths=((0,),), rotary=frozenset({1}))
+    for planned, turn in ((replace(way, tolerances=np.zeros(3)), 0.0), (blended, 80.0)):
+        (x, c), breaches = axes_used(timed(planned, Limits.of(axes), rule), axes, NONE, NONE)
+        assert breaches == []
+        assert (x.values()["max_jerk"], x.values()["jerk_limit"]) == pytest.approx((40e3, 40e3))
+        assert (c.top_jerk, c.jerk_limit) == pytest.approx((max(turn, 20.0), 80.0))
+    weaker = (axes[0], Axis("c", True, -math.pi, math.pi, 1.0, 4.0, 75.0))
+    (breach,) = axes_used(timed(blended, Limits.of(axes), rule), weaker, NONE, NONE)[1]
+    name, limit = "axis_c_jerk_deg_per_s3", pytest.approx(math.degrees(75.0))
+    assert breach == Breach(1, name, pytest.approx(math.degrees(80.0)), limit)
+    unlimited = Axis("x", False, -1.0, 2.0, 0.5, 2.0), Axis("c", True, -math.pi, math.pi, 1.0, 4.0)
+    for corner, stated in (("linuxcnc", axes), ("look_ahead", unlimited)):
+        (x, _), _ = axes_used(timed(way, Limits.of(stated), replace(rule, corner=corner)), stated, NONE, NONE)
+        assert x.values()["max_jerk"] is None
 
 
 def test_an_end_of_travel_belongs_to_it() -> None:
