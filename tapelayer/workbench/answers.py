@@ -69,16 +69,19 @@ class Summary(BaseModel):
 
     model_config = ConfigDict(extra="allow")
 
-    blocks: int
-    courses: Annotated[int, Field(description="lay only")] = 0
-    passes: Annotated[int, Field(description="spray only")] = 0
-    duration_s: float
-    program_sha256: Annotated[str, Field(description="of the program's bytes; empty where the plan failed already")]
     passed: bool
     failures: int
-    max_position_error_mm: float | None
-    controller: str
-    bytes: int
+    bytes: Annotated[int, Field(description="of the program, or of the course file")]
+    courses: Annotated[int, Field(description="lay and plan only")] = 0
+    passes: Annotated[int, Field(description="spray only")] = 0
+    program_sha256: Annotated[
+        str, Field(description="of the program's bytes; empty where the plan failed already; programs only")
+    ] = ""
+    courses_sha256: Annotated[str, Field(description="of the course file's bytes; plan only")] = ""
+    blocks: Annotated[int, Field(description="programs only")] = 0
+    duration_s: Annotated[float, Field(description="programs only")] = 0.0
+    max_position_error_mm: Annotated[float | None, Field(description="programs only")] = None
+    controller: Annotated[str, Field(description="programs only")] = ""
 
 
 class Sent(BaseModel):
@@ -87,6 +90,7 @@ class Sent(BaseModel):
     unit: Annotated[str, Field(description="of the STL that is sprayed")] = "mm"
     mould: Annotated[str, Field(description="name of the mould's file; empty where none came along")] = ""
     parts: list[str] = []
+    from_job: Annotated[str, Field(description="id of the job whose product is the source; empty where a file is")] = ""
 
 
 Moment = Annotated[str, Field(json_schema_extra={"format": "date-time"})]
@@ -175,7 +179,11 @@ def form(fields: Mapping[str, Sort], required: tuple[str, ...], described: Mappi
 
 
 FORM = {
-    "file": {"description": "the course file, or the STL that is sprayed"},
+    "file": {"description": "the course file, the STL that is sprayed, or the mould's"},
+    "from_job": {
+        "pattern": "^[0-9a-f]{32}$",
+        "description": "in place of a file: id of the job whose product is the source, such as a plan's course file",
+    },
     "kind": {"enum": [*NAMES]},
     "setup": {"description": "TOML, as a field or as a file; without it the defaults"},
     "controller": {"description": "in place of the setup's: the name of a built-in or of one of the parts"},

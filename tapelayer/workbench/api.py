@@ -24,8 +24,9 @@ from tapelayer.workbench.answers import (
 from tapelayer.workbench.comparison import Comparison, compare
 from tapelayer.workbench.errands import foreman_of, staged, store_of, while_there
 from tapelayer.workbench.problems import EVERYWHERE, Problem, problem_of_body, responses
+from tapelayer.workbench.products import OUT, products
 from tapelayer.workbench.record import Record
-from tapelayer.workbench.results import OUT, RESULTS, JobOfPath
+from tapelayer.workbench.results import RESULTS, JobOfPath
 from tapelayer.workbench.store import write_request
 from tapelayer.workbench.submission import JOB_FIELDS, VERIFY_FIELDS, job_request, verify_request
 from tapelayer.workbench.uploads import receive
@@ -33,6 +34,8 @@ from tapelayer.workbench.uploads import receive
 JobId = Annotated[str, Query(description="id of a job")]
 # What a request that changes a job may be refused for.
 CHANGED = ("not-found", "not-owner", "foreign-origin", "target-not-writable")
+# What a new job may be refused for whose source is to be what another one made.
+NOT_TAKEN = ("not-found", "job-not-finished", "job-failed", *(f"{name}-withheld" for name in products()))
 ACCEPTED: dict[int | str, dict[str, Any]] = {202: {"headers": {"Location": {"schema": {"type": "string"}}}}}
 
 router = APIRouter(prefix="/api/v1", tags=["jobs"], responses=responses(*EVERYWHERE))
@@ -60,8 +63,8 @@ OwnJobEvenDeleted = Annotated[Record, Depends(own_job_even_deleted)]
     "/jobs",
     status_code=202,
     response_model_exclude_unset=True,
-    responses=ACCEPTED | responses(*REFUSED_FORMS),
-    openapi_extra=form(JOB_FIELDS, ("file", "kind"), FORM),
+    responses=ACCEPTED | responses(*REFUSED_FORMS, *NOT_TAKEN),
+    openapi_extra=form(JOB_FIELDS, ("kind",), FORM),
 )
 async def submit(request: Request, response: Response) -> Job:
     """Submit a job; a file that cannot be read fails inside the job."""
@@ -69,7 +72,7 @@ async def submit(request: Request, response: Response) -> Job:
     foreman.check_room()
     async with staged(store) as folder:
         sent = await receive(request, folder, JOB_FIELDS)
-        order = await run_in_threadpool(job_request, sent, folder)
+        order = await run_in_threadpool(job_request, sent, folder, store)
         record = await run_in_threadpool(store.create, request.state.owner, order, folder)
     try:
         foreman.submit(record)

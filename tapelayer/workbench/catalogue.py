@@ -11,7 +11,8 @@ from fastapi.responses import FileResponse, PlainTextResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from post import controllers
-from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, name_of_source
+from tapelayer.jobs.kind import MachineKind
+from tapelayer.jobs.kinds import NAMES, KindName, kind_of, kinds, suppliers
 from tapelayer.machines.machine import Axis
 from tapelayer.reporting.quantity import Group, Style, quantities
 from tapelayer.reporting.words import Words
@@ -20,15 +21,6 @@ from tapelayer.units import DEG, MM
 from tapelayer.workbench.answers import content
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
 from tapelayer.workbench.solving import built_in_machines, machine_of
-
-EXAMPLES = {
-    "boss_panel_20.txt": "panel with a boss, courses at 20 degrees",
-    "curved_panel.stl": "curved panel, 480 x 320 mm",
-    "cylinder_panel_15.txt": "cylinder panel, courses at 15 degrees",
-    "flat_panel_00.txt": "flat panel, courses at 0 degrees",
-    "wing_skin_00.txt": "wing skin, courses at 0 degrees",
-    "wing_skin_45.txt": "wing skin, courses at 45 degrees: beyond the travel of c",
-}
 
 
 class ControllerTold(BaseModel):
@@ -83,6 +75,18 @@ class Examples(BaseModel):
     examples: list[Example]
 
 
+EXAMPLES = (
+    Example(name="boss_panel_20.txt", kind="lay", title="panel with a boss, courses at 20 degrees"),
+    Example(name="curved_panel.stl", kind="spray", title="curved panel, 480 x 320 mm"),
+    Example(name="cylinder_panel_15.txt", kind="lay", title="cylinder panel, courses at 15 degrees"),
+    Example(name="flat_panel_00.txt", kind="lay", title="flat panel, courses at 0 degrees"),
+    Example(name="panel_mould.stl", kind="plan", title="doubly curved panel, a mould to plan a ply on"),
+    Example(name="wing_mould.stl", kind="plan", title="tapered wing skin, a mould to plan a ply on"),
+    Example(name="wing_skin_00.txt", kind="lay", title="wing skin, courses at 0 degrees"),
+    Example(name="wing_skin_45.txt", kind="lay", title="wing skin, courses at 45 degrees: beyond the travel of c"),
+)
+
+
 class WordsTold(BaseModel):
     """A text in both languages."""
 
@@ -116,7 +120,9 @@ class KindTold(BaseModel):
     """What jobs of a kind report, and what they do one after the other."""
 
     kind: KindName
-    machine: Annotated[str, Field(description="name of the machine that comes along")]
+    machine: Annotated[str | None, Field(description="name of the machine that comes along; null where there is none")]
+    product: Annotated[str, Field(description="what a job makes: its address below the job")]
+    suppliers: Annotated[list[KindName], Field(description="kinds of the jobs whose product may be the source")]
     fields: Annotated[list[str], Field(description="fields of a job's form that are this kind's alone")]
     quantities: Annotated[list[QuantityTold], Field(description="in the order of the report")]
     stages: list[StageTold]
@@ -183,8 +189,7 @@ def machine_urdf(name: str) -> FileResponse:
 @router.get("/examples")
 def list_examples() -> Examples:
     """List files to begin with."""
-    examples = [Example(name=name, kind=name_of_source(name), title=title) for name, title in EXAMPLES.items()]
-    return Examples(examples=examples)
+    return Examples(examples=list(EXAMPLES))
 
 
 @router.get(
@@ -194,10 +199,11 @@ def list_examples() -> Examples:
 )
 def example(name: str) -> FileResponse:
     """Download a file to begin with."""
-    if name not in EXAMPLES:
-        raise Problem("not-found", f"there is no example of that name; there are {', '.join(EXAMPLES)}")
+    found = {one.name: one for one in EXAMPLES}
+    if name not in found:
+        raise Problem("not-found", f"there is no example of that name; there are {', '.join(found)}")
     path = Path(str(resources.files("tapelayer.examples").joinpath(name)))
-    return FileResponse(path, media_type=kind_of(name_of_source(name)).source.media_type, filename=name)
+    return FileResponse(path, media_type=kind_of(found[name].kind).source.media_type, filename=name)
 
 
 @router.get("/quantities")
@@ -256,11 +262,12 @@ def _kind_told(name: KindName) -> KindTold:
         for row in quantities(kind.rows)
     ]
     stages = [StageTold(name=stage.name, words=_words_told(stage.words)) for stage in kind.making]
-    fields = sorted(kind.source.fields)
     return KindTold(
         kind=name,
-        machine=kind.machine.name,
-        fields=fields,
+        machine=kind.machine.name if isinstance(kind, MachineKind) else None,
+        product=kind.product.name,
+        suppliers=suppliers(kind),
+        fields=sorted(kind.fields),
         quantities=rows,
         stages=stages,
         not_judged=[_words_told(words) for words in kind.not_judged],

@@ -10,12 +10,12 @@ from pydantic import BaseModel, Field
 
 from tapelayer.jobs.kinds import KindName, kind_of
 from tapelayer.reporting.quantity import quantities
-from tapelayer.setups.sections import JobSetup, parse_setup
+from tapelayer.setups.sections import Settings, parse_setup
 from tapelayer.workbench.problems import Problem
 from tapelayer.workbench.record import Record
-from tapelayer.workbench.store import Store
+from tapelayer.workbench.store import SOURCE, Store
 
-SOURCE, MOULD, PARTS = "source", "mould", "parts"
+MOULD, PARTS = "mould", "parts"
 
 
 class QuantityPair(BaseModel):
@@ -99,7 +99,7 @@ def _report(store: Store, record: Record, letter: str) -> dict[str, Any]:
     return report
 
 
-def _values(store: Store, record: Record, model: type[JobSetup]) -> dict[tuple[str, str], Any]:
+def _values(store: Store, record: Record, model: type[Settings]) -> dict[tuple[str, str], Any]:
     """Return every value that a job was made with, the defaults included, by section and key."""
     setup = parse_setup(store.read(record.id, "setup.toml"), "setup.toml", model)
     sections = setup.model_dump(mode="json")

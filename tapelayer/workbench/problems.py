@@ -11,7 +11,7 @@ from typing import Any
 from tapelayer.errors import InputFault, InputRefused, TapelayerError, VerificationFailed
 from tapelayer.language import OTHERS
 from tapelayer.sentences import translated
-from tapelayer.verification.failures import Findings
+from tapelayer.verification.failures import Outcome
 
 MEDIA_TYPE = "application/problem+json"
 # A job's state is sent and stored often, so a problem lists only the first places; the report lists all.
@@ -44,6 +44,9 @@ CODES: dict[str, ProblemKind] = {
     ),
     "setup-refused": ProblemKind(
         422, "The setup cannot be used", "The faults name the keys and values that are wrong, and what is allowed."
+    ),
+    "ply-refused": ProblemKind(
+        422, "The ply cannot be used", "The faults name the keys and values that are wrong, and what is allowed."
     ),
     "controller-refused": ProblemKind(
         422, "The controller table cannot be used", "The faults name what is wrong in the table."
@@ -102,6 +105,17 @@ CODES: dict[str, ProblemKind] = {
     ),
     "course-longer-than-roll": ProblemKind(
         422, "A course is longer than a roll", "A course needs more tape than a new roll holds."
+    ),
+    "beyond-surface": ProblemKind(
+        422, "A course leaves the mould", "A course runs where the mould's smooth surface ends; extend the mould."
+    ),
+    "no-natural-paths": ProblemKind(
+        422,
+        "Natural paths do not fill the ply",
+        "The mould is so strongly curved that courses go round in the ply, or come together; split the ply.",
+    ),
+    "path-not-found": ProblemKind(
+        422, "The mould is too rough for a course", "No path can be traced on the mould's smooth surface there."
     ),
     "nothing-to-spray": ProblemKind(
         422, "There is nothing to spray", "Nothing of the surface can be reached by the gun."
@@ -168,6 +182,9 @@ CODES: dict[str, ProblemKind] = {
     "job-failed": ProblemKind(409, "The job failed", "The job has no such result; its error says why."),
     "program-withheld": ProblemKind(
         409, "The program is withheld", "Verification judged it bad; the report and the poses show where."
+    ),
+    "courses-withheld": ProblemKind(
+        409, "The courses are withheld", "They do not keep the ply's limits; the report and the maps show where."
     ),
     "not-made": ProblemKind(404, "This kind of job has none", "The result belongs to another kind of job."),
     "cancelled": ProblemKind(409, "The job was cancelled", "Its owner cancelled it; submit it again to run it."),
@@ -286,7 +303,7 @@ def problem_of(error: TapelayerError) -> Problem:
     if isinstance(error, InputRefused):
         evidence["faults"] = [_fault(fault) for fault in error.faults[:SHOWN_PLACES]]
         evidence["fault_count"] = len(error.faults)
-    if isinstance(error, VerificationFailed) and isinstance(error.evidence, Findings):
+    if isinstance(error, VerificationFailed) and isinstance(error.evidence, Outcome):
         evidence["failures"] = [failure.values() for failure in error.evidence.failures[:SHOWN_PLACES]]
         evidence["failure_count"] = len(error.evidence.failures)
     return Problem(code_of(type(error)), str(error), **evidence)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from io import BufferedReader
 from pathlib import Path
 from typing import Annotated, cast
 
 from fastapi import APIRouter, Depends, Header, Request, Response
 from fastapi.responses import FileResponse
 
+from tapelayer.jobs.kind import Product
 from tapelayer.jobs.kinds import KindName, kind_of
 from tapelayer.language import Language
 from tapelayer.reporting.words import language_accepted
@@ -18,6 +18,7 @@ from tapelayer.setups.sections import parse_setup, whole_text
 from tapelayer.workbench.answers import JobFile, Limits, LimitTold, content
 from tapelayer.workbench.errands import store_of
 from tapelayer.workbench.problems import EVERYWHERE, Problem, responses
+from tapelayer.workbench.products import OUT, open_product, open_result, product_of, products
 from tapelayer.workbench.record import Record
 from tapelayer.workbench.store import PAGES
 
@@ -34,20 +35,22 @@ FILES = {
     ),
     "blocks": ("blocks.json", "application/json", "Show block, line, course, kind and event of each row of the poses."),
 }
+PRODUCTS = products()
 TABLES = {
     "poses": "Show every axis at the end of each block, and between where it turns or changes its speed.",
     "speeds": "Show the speed of each axis in the motion that ends in the row.",
     "errors": "Show what verification measured along the courses or passes.",
     "points": "Show the arc length of every point of the courses or passes.",
-    "tape": "Show the edges of the tape as it is laid, in `machine` axes (lay).",
-    "part": "Show the part, or the mould that came along, as triangles in `machine` axes.",
+    "tape": "Show the edges of the laid tape, in `machine` axes; of a plan with its maps, in the mould's frame.",
+    "part": "Show the part, or the mould, as triangles in `machine` axes; of a plan in the mould's frame.",
+    "lines": "Show the points of the courses with their normals, in the mould's frame (plan).",
+    "gaps": "Show the gaps between neighbouring courses along their edges, in the mould's frame (plan).",
+    "boundary": "Show the rings of the ply's boundary, the outer one first, in the mould's frame (plan).",
     "coat": "Show the coat growing on the part: points in `machine` axes, thickness at X-Times (spray).",
 }
-# Folder of the results in a job's folder.
-OUT = "out"
-PROGRAM = "program.nc"
 RESULTS = (
-    {"program": PROGRAM, "report.html": PAGES["en"]}
+    {name: product.file for name, product in PRODUCTS.items()}
+    | {"report.html": PAGES["en"]}
     | {address: file for address, (file, *_) in FILES.items()}
     | {name: f"{name}.f32" for name in TABLES}
 )
@@ -61,20 +64,6 @@ def job_of_path(id: str, request: Request) -> Record:
 
 
 JobOfPath = Annotated[Record, Depends(job_of_path)]
-
-
-@router.get(
-    "/jobs/{id}/program",
-    response_class=FileResponse,
-    responses=content("text/plain") | responses("not-found", "job-not-finished", "job-failed", "program-withheld"),
-)
-def program(record: JobOfPath, request: Request) -> FileResponse:
-    """Download the NC program; it is given only where verification passed it."""
-    if record.error and record.error["code"] == "verification-failed":
-        evidence = {key: record.error[key] for key in ("failures", "failure_count") if key in record.error}
-        raise Problem("program-withheld", f"verification judged the program bad: {record.error['detail']}", **evidence)
-    file = _result(record, request, PROGRAM)
-    return JobFile(file, "text/plain", filename=f"{Path(record.name).stem}.nc")
 
 
 @router.get(
@@ -118,7 +107,7 @@ def report_page(
     if not store_of(request).holds(record.id, OUT, PAGES[chosen]):
         chosen = "en"
     headers = {"Content-Language": chosen, "Vary": "Accept-Language"}
-    return JobFile(_result(record, request, PAGES[chosen]), "text/html", headers=headers)
+    return JobFile(open_result(store_of(request), record, PAGES[chosen]), "text/html", headers=headers)
 
 
 @router.get(
@@ -156,11 +145,31 @@ def mould(record: JobOfPath, request: Request) -> FileResponse:
     return JobFile(store_of(request).open(record.id, "mould"), "application/octet-stream", name)
 
 
+def _add_product(product: Product) -> None:
+    """Add the route to what jobs make."""
+
+    def endpoint(record: JobOfPath, request: Request) -> FileResponse:
+        store = store_of(request)
+        own = product_of(record) == product
+        file = open_product(store, record) if own else open_result(store, record, product.file)
+        return JobFile(file, product.media_type, filename=f"{Path(record.name).stem}{product.suffix}")
+
+    router.add_api_route(
+        f"/jobs/{{id}}/{product.name}",
+        endpoint,
+        name=product.name,
+        response_class=FileResponse,
+        responses=content(product.media_type)
+        | responses("not-found", "not-made", "job-not-finished", "job-failed", f"{product.name}-withheld"),
+        description=f"Download {product.description}; it is given only where verification passed it.",
+    )
+
+
 def _add_file(address: str, file: str, media_type: str, description: str) -> None:
     """Add the route to a file among a job's results."""
 
     def endpoint(record: JobOfPath, request: Request) -> FileResponse:
-        return JobFile(_result(record, request, file), media_type)
+        return JobFile(open_result(store_of(request), record, file), media_type)
 
     router.add_api_route(
         f"/jobs/{{id}}/{address}",
@@ -176,7 +185,7 @@ def _add_table(name: str, description: str) -> None:
     """Add the route to a table among a job's results."""
 
     def endpoint(record: JobOfPath, request: Request) -> FileResponse:
-        file = _result(record, request, f"{name}.f32")
+        file = open_result(store_of(request), record, f"{name}.f32")
         about = json.loads(store_of(request).read(record.id, OUT, f"{name}.json"))
         columns = about["columns"]
         size = os.fstat(file.fileno()).st_size
@@ -198,25 +207,9 @@ def _add_table(name: str, description: str) -> None:
     )
 
 
+for _product in PRODUCTS.values():
+    _add_product(_product)
 for _address, (_file, *_about) in FILES.items():
     _add_file(_address, _file, *_about)
 for _name, _description in TABLES.items():
     _add_table(_name, _description)
-
-
-def _result(record: Record, request: Request, name: str) -> BufferedReader:
-    """Open a file among a job's results.
-
-    Raises:
-        Problem: there is no such file; the problem says why.
-    """
-    if not record.ended:
-        raise Problem("job-not-finished", "the job is under way; follow its events and ask again when it is done")
-    # Files left by a killed worker are not results.
-    if record.summary is None:
-        reason = record.error["detail"] if record.error else record.state
-        raise Problem("job-failed", f"the job made nothing: {reason}")
-    store = store_of(request)
-    if store.holds(record.id, OUT, name):
-        return store.open(record.id, OUT, name)
-    raise Problem("not-made", f"this job has none: it is of kind {record.kind}")

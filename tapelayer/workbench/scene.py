@@ -1,8 +1,9 @@
-"""Scene: the data from which the page draws a judged program, as files of float32 in millimetres and degrees."""
+"""Scene: the data from which the page draws what a job made, as files of float32 in millimetres and degrees."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,22 +27,26 @@ MOST_TRIANGLES = 4000
 START = len(Kind)
 
 
-def files(scene: Scene, trajectory: Trajectory, machine: Machine) -> dict[str, bytes]:
-    """Return the scene's files by name: `blocks.json`, and two files for every table.
+def files(scene: Scene) -> dict[str, bytes]:
+    """Return the scene's files by name, two for every table."""
+    return _files({**scene.tables, **{name: part_table(mesh) for name, mesh in scene.surfaces.items()}})
+
+
+def motion_files(numbers: list[int], trajectory: Trajectory, machine: Machine) -> dict[str, bytes]:
+    """Return the files of a program's motion by name: `blocks.json`, and two files for every table.
 
     Args:
-        scene: of the kind of machine.
+        numbers: of the courses or passes, by their index.
         trajectory: the judged trajectory.
         machine: the machine that it moves.
     """
     rows = TrajectoryRows.of(trajectory, machine)
-    tables = {
-        **scene.tables,
-        **{name: part_table(mesh) for name, mesh in scene.surfaces.items()},
-        "poses": rows.poses(),
-        "speeds": rows.speeds(),
-    }
-    contents = {"blocks.json": json.dumps(rows.blocks(np.array(scene.numbers)), separators=(",", ":")).encode()}
+    blocks = json.dumps(rows.blocks(np.array(numbers)), separators=(",", ":")).encode()
+    return {"blocks.json": blocks, **_files({"poses": rows.poses(), "speeds": rows.speeds()})}
+
+
+def _files(tables: Mapping[str, SceneTable]) -> dict[str, bytes]:
+    contents: dict[str, bytes] = {}
     for name, table in tables.items():
         about = {"columns": table.columns, "rows": len(table.rows), **table.extra}
         # Little-endian float32, row by row.
@@ -150,6 +155,9 @@ def _changes(trajectory: Trajectory) -> tuple[Ints, Floats]:
     ratios = np.divide(moved, lengths, out=np.zeros(len(moved)), where=lengths > 0.0)[block]
     # Over seconds h of an even acceleration a, the way deviates from that at an even speed by at most a h^2 / 8.
     bend = np.abs(np.diff(clock.speeds)) * spans * ratios
+    if clock.bulges is not None:
+        # At a constant jerk, that of a bulge is added, at most a quarter of what it covers.
+        bend += 8.0 * np.abs(clock.bulges[:-1]) * spans * ratios
     counts = np.maximum(np.ceil(np.sqrt(bend / (8.0 * TOLERANCE))), 1.0).astype(np.int64)
     index = np.repeat(np.arange(len(counts)), counts)
     step = np.arange(len(index)) - (np.cumsum(counts) - counts)[index]
@@ -179,11 +187,17 @@ def _parts(trajectory: Trajectory) -> Ints:
     return counts
 
 
+def simplified(mesh: Mesh) -> tuple[Floats, Ints]:
+    """Return vertices (n, 3) in metres and facets (m, 3) of a mesh, of a large one about `MOST_TRIANGLES` to draw."""
+    if len(mesh.facets) <= MOST_TRIANGLES:
+        return mesh.vertices, mesh.facets
+    vertices, facets = fast_simplification.simplify(
+        np.array(mesh.vertices), mesh.facets.astype(np.int32), target_count=MOST_TRIANGLES
+    )
+    return vertices, facets.astype(np.int64)
+
+
 def part_table(mesh: Mesh) -> SceneTable:
-    """Return the corners of a mesh's facets in `machine` in mm, three rows a facet; large meshes are simplified."""
-    vertices, facets = mesh.vertices, mesh.facets
-    if len(facets) > MOST_TRIANGLES:
-        vertices, facets = fast_simplification.simplify(
-            np.array(vertices), facets.astype(np.int32), target_count=MOST_TRIANGLES
-        )
+    """Return the corners of a mesh's facets in mm, three rows a facet; large meshes are simplified."""
+    vertices, facets = simplified(mesh)
     return SceneTable(("x_mm", "y_mm", "z_mm"), vertices[facets].reshape(-1, 3) / MM)

@@ -60,7 +60,7 @@ STATIC = Path(__file__).parent / "static"
 HEALTH = "/healthz"
 EVERY_ADDRESS = ("0.0.0.0", "::")
 # Each of these modules has a `router`; importing them imports the library.
-ROOMS = ("api", "results", "catalogue", "kinematics")
+ROOMS = ("api", "results", "catalogue", "kinematics", "moulds")
 # After SIGTERM, answers under way may take GRACE_SECONDS; after END_SECONDS the process exits in any case.
 GRACE_SECONDS = 2
 END_SECONDS = 4.5

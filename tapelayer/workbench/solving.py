@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError, to_json
 
 from tapelayer.arrays import Floats, Mask
 from tapelayer.jobs.kind import BuiltIn
-from tapelayer.jobs.kinds import kinds
+from tapelayer.jobs.kinds import machine_kinds
 from tapelayer.machines.machine import Machine
 from tapelayer.units import DEG, MM
 from tapelayer.workbench.problems import Problem, not_valid
@@ -188,7 +188,7 @@ def forward(body: Joints) -> bytes:
 @lru_cache
 def built_in_machines() -> dict[str, BuiltIn]:
     """Return the built-in machines by name."""
-    return {kind.machine.name: kind.machine for kind in kinds()}
+    return {kind.machine.name: kind.machine for kind in machine_kinds()}
 
 
 @lru_cache

@@ -38,6 +38,9 @@ from tapelayer.workbench.record import ADDED, COLUMNS, SCHEMA, TABLE, Ending, Re
 # File of the report's page by its language.
 PAGES: dict[Language, str] = {"en": "report.html", "zh": "report.zh.html"}
 
+# File of what a job is made from, in its folder.
+SOURCE = "source"
+
 SERVER_STOPPED = "the server was stopped while this job ran; submit it again"
 
 
@@ -109,7 +112,7 @@ class Store:
             started_at=None,
             finished_at=None,
             deleted_at=None,
-            source_sha256=_digest((staged / "source").open("rb")),
+            source_sha256=_digest((staged / SOURCE).open("rb")),
             title="",
             note="",
             request=dict(request),
@@ -291,7 +294,7 @@ class Store:
     def _fill_digests(self) -> None:
         """Record the hash of the file of each job that was made before hashes were recorded."""
         old = [record.id for record in self._select("WHERE source_sha256 = ''")]
-        digests = [(_digest(self.open(job, "source")), job) for job in old if self.holds(job, "source")]
+        digests = [(_digest(self.open(job, SOURCE)), job) for job in old if self.holds(job, SOURCE)]
         with self._change() as index:
             index.executemany("UPDATE jobs SET source_sha256 = ? WHERE id = ?", digests)
 

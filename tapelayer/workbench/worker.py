@@ -11,6 +11,7 @@ server has ended, and ends the worker too.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import resource
@@ -25,20 +26,22 @@ from typing import Any, get_args
 
 from tapelayer.atomic_files import write_files
 from tapelayer.errors import TapelayerError
-from tapelayer.geometry.stl import parse_mesh
-from tapelayer.jobs.job import JobResult, MachineJob
+from tapelayer.geometry.models import parse_mesh
+from tapelayer.jobs.job import JobResult
 from tapelayer.jobs.kind import JobKind
-from tapelayer.jobs.kinds import kind_of, kinds
+from tapelayer.jobs.kinds import kind_of, kinds, machine_kind_of
+from tapelayer.jobs.result import Result
 from tapelayer.jobs.stages import READING, SAVING, Weights
 from tapelayer.language import LANGUAGES
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.provenance import moment
 from tapelayer.reporting.subject import Occasion
-from tapelayer.setups.sections import parse_setup
+from tapelayer.setups.sections import Settings, parse_setup
 from tapelayer.workbench import problems, scene
 from tapelayer.workbench.problems import Problem
 from tapelayer.workbench.solving import Way, solve
 from tapelayer.workbench.store import PAGES
+from tapelayer.workbench.surveying import Survey, survey
 
 Say = Callable[[Mapping[str, Any]], None]
 
@@ -92,43 +95,71 @@ def carry_out(folder: Path, say: Say) -> dict[str, Any]:
         Problem: its rows cannot be solved.
     """
     request = json.loads((folder / "request.json").read_bytes())
+    if answer := _answered(request, folder):
+        (folder / "answer.json").write_bytes(answer)
+        return _done(None)
+    return (_judged if request["kind"] == "verify" else _made)(folder, request, say)
+
+
+def _answered(request: Mapping[str, Any], folder: Path) -> bytes:
+    """Return the answer to a request that makes nothing; nothing where it is for a job, or for a verdict."""
     if request["kind"] in get_args(Way):
-        (folder / "answer.json").write_bytes(solve(request["kind"], (folder / "rows.json").read_bytes()))
-        return {"state": "done", "summary": None, "error": None}
-    verifying = request["kind"] == "verify"
-    kind = kind_of(request["of"] if verifying else request["kind"])
-    stages = Stages(say, kind.judging if verifying else kind.making)
+        return solve(request["kind"], (folder / "rows.json").read_bytes())
+    if request["kind"] in get_args(Survey):
+        return survey(request, folder)
+    return b""
+
+
+def _made(folder: Path, request: Mapping[str, Any], say: Say) -> dict[str, Any]:
+    """Make the product of a folder, save all that there is of it, and return the last message about it."""
+    kind = kind_of(request["kind"])
+    stages = Stages(say, kind.making)
+    stages.begin(READING.name)
+    job = kind.job(*_inputs(kind, folder, request))
+    mould = folder / "mould"
+    on = parse_mesh(mould.read_bytes(), "mould", request.get("mould_unit", "mm")) if mould.exists() else None
+    result = job.make(request["program_name"], stages)
+    stages.begin(SAVING.name)
+    drawn = kind.scene(result, on)
+    contents = {**_reports(result, request), **scene.files(drawn), **result.files()}
+    contents["setup.toml"] = (folder / "setup.toml").read_bytes()
+    if not result.failure:
+        contents[kind.product.file] = result.text
+    if isinstance(result, JobResult):
+        contents |= _motion(result, drawn.numbers, request["program_name"])
+    _save(folder / "out", contents)
+    summary = _summary(kind, result)
+    return _failed(problems.of_error(result.failure), summary) if result.failure else _done(summary)
+
+
+def _judged(folder: Path, request: Mapping[str, Any], say: Say) -> dict[str, Any]:
+    """Judge the program of a folder, save the report, and return the last message about it: any verdict is a result."""
+    kind = machine_kind_of(request["of"])
+    stages = Stages(say, kind.judging)
+    stages.begin(READING.name)
+    job = kind.job(*_inputs(kind, folder, request))
+    result = job.judge((folder / "program").read_bytes(), request["program_name"], request["force"], stages)
+    stages.begin(SAVING.name)
+    _save(folder / "out", _reports(result, request))
+    return _done(_summary(kind, result))
+
+
+def _inputs(kind: JobKind, folder: Path, request: Mapping[str, Any]) -> tuple[bytes, str, Settings, str]:
+    """Return what a job is made from: the source's bytes, its name, the setup, and the unit of the source's numbers."""
     # The names of files in a setup are relative to this folder.
     parts = folder / "parts"
     parts.mkdir(exist_ok=True)
     os.chdir(parts)
-    stages.begin(READING.name)
     setup = parse_setup((folder / "setup.toml").read_bytes(), "setup.toml", kind.setup)
-    job = kind.job((folder / "source").read_bytes(), request["name"], setup, request.get("unit", "mm"))
-    mould = folder / "mould"
-    on = parse_mesh(mould.read_bytes(), "mould") if mould.exists() else None
-    name = request["program_name"]
-    if verifying:
-        result = job.judge((folder / "program").read_bytes(), name, request["force"], stages)
-    else:
-        result = job.make(name, stages)
-    stages.begin(SAVING.name)
-    report = result.numbers()
-    occasion = Occasion(name, request.get("setup_name", ""), moment(time.time(), os.environ.get("SOURCE_DATE_EPOCH")))
-    contents = {"report.json": result.report_file(occasion)}
-    contents |= {PAGES[language]: result.page_file(occasion, language) for language in LANGUAGES}
-    if not verifying:
-        lines, trajectory = _withheld(job, result, name) if result.failure else ((), result.trajectory)
-        if lines:
-            contents[WITHHELD] = json.dumps({"withheld": WATERMARK, "lines": lines}).encode()
-        drawn = scene.files(kind.scene(result, on), trajectory, job.machine)
-        contents |= drawn | _results(folder, job, result)
-    _save(folder / "out", contents)
-    summary = _summary(kind, job, result, report)
-    # A failed verdict is a valid result of judging a program, but a failure of making one.
-    if result.failure and not verifying:
-        return _failed(problems.of_error(result.failure), summary)
-    return {"state": "done", "summary": summary, "error": None}
+    return (folder / "source").read_bytes(), request["name"], setup, request.get("unit", "mm")
+
+
+def _reports(result: Result, request: Mapping[str, Any]) -> dict[str, bytes]:
+    """Return the report's files by name."""
+    judged_at = moment(time.time(), os.environ.get("SOURCE_DATE_EPOCH"))
+    occasion = Occasion(request["program_name"], request.get("setup_name", ""), judged_at)
+    pages = {PAGES[language]: result.page_file(occasion, language) for language in LANGUAGES}
+    return {"report.json": result.report_file(occasion), **pages}
 
 
 def answer(folder: Path, say: Say) -> dict[str, Any]:
@@ -167,22 +198,20 @@ def main() -> None:
     os._exit(0)
 
 
-def _results(folder: Path, job: MachineJob[Any, Any], result: JobResult[Any]) -> dict[str, bytes]:
-    """Return the result files by name; the program only if verification passed it."""
-    contents = {
-        "setup.toml": (folder / "setup.toml").read_bytes(),
-        "machine.urdf": job.machine.path.read_bytes(),
-        **result.files(),
-    }
-    if not result.failure:
-        contents["program.nc"] = result.text
+def _motion(result: JobResult[Any], numbers: list[int], name: str) -> dict[str, bytes]:
+    """Return the files of a program's motion and machine, and of the lines that are withheld, by name."""
+    machine = result.job.machine
+    lines, trajectory = _withheld(result, name) if result.failure else ((), result.trajectory)
+    contents = {"machine.urdf": machine.path.read_bytes(), **scene.motion_files(numbers, trajectory, machine)}
+    if lines:
+        contents[WITHHELD] = json.dumps({"withheld": WATERMARK, "lines": lines}).encode()
     return contents
 
 
-def _withheld(job: MachineJob[Any, Any], result: JobResult[Any], name: str) -> tuple[tuple[str, ...], Trajectory]:
+def _withheld(result: JobResult[Any], name: str) -> tuple[tuple[str, ...], Trajectory]:
     """Return the lines of a program that failed, and its motion; no lines where the control has no words for it."""
     try:
-        return job.withheld(result, name)
+        return result.job.withheld(result, name)
     except TapelayerError:
         return (), result.trajectory
 
@@ -194,17 +223,21 @@ def _save(folder: Path, contents: Mapping[str, bytes]) -> None:
     write_files({Path(name): data for name, data in contents.items()})
 
 
-def _summary(
-    kind: JobKind, job: MachineJob[Any, Any], result: JobResult[Any], report: Mapping[str, Any]
-) -> dict[str, Any]:
-    kept = ("blocks", kind.parts, "duration_s", "program_sha256", "passed", "max_position_error_mm")
+def _summary(kind: JobKind, result: Result) -> dict[str, Any]:
+    """Return what a list of jobs tells of a result."""
+    report = result.numbers()
     return {
-        **{key: report[key] for key in kept},
+        **{key: report[key] for key in (*kind.summary, "passed")},
         "failures": len(report["failures"]),
-        "controller": job.setup.output.controller,
+        kind.product.hash_key: hashlib.sha256(result.text).hexdigest() if result.text else "",
         "bytes": len(result.text),
         "remarks": list(result.remarks),
+        **result.told(),
     }
+
+
+def _done(summary: Mapping[str, Any] | None) -> dict[str, Any]:
+    return {"state": "done", "summary": summary, "error": None}
 
 
 def _failed(error: Mapping[str, Any], summary: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from post import controllers
 from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import SetupRefused
-from tapelayer.geometry.stl import parse_mesh
-from tapelayer.jobs.kinds import NAMES, KindName, kind_of
+from tapelayer.geometry.models import parse_mesh
+from tapelayer.jobs.kinds import MACHINE_NAMES, KindName, kind_of
 from tapelayer.laying.settings import Setup
 from tapelayer.machines.machine import Machine
 from tapelayer.setups.forms import text_of, text_of_values, values_of
@@ -89,7 +89,7 @@ def test_the_model_to_spray_is_its_formula_and_can_be_sprayed() -> None:
     assert made.report()["unreachable"] == []
 
 
-@pytest.mark.parametrize("kind", ["lay", "spray"])
+@pytest.mark.parametrize("kind", ["lay", "spray", "plan"])
 def test_the_schema_describes_every_key(kind: KindName) -> None:
     schema = CLIENT.get("/setup-schema", params={"kind": kind}).json()
     for section, field in kind_of(kind).setup.model_fields.items():
@@ -113,7 +113,7 @@ def test_only_the_keys_that_are_set_are_parsed() -> None:
     }
 
 
-@pytest.mark.parametrize("kind", NAMES)
+@pytest.mark.parametrize("kind", MACHINE_NAMES)
 def test_an_empty_setup_sets_nothing(kind: str) -> None:
     response = CLIENT.post(f"/setup/parse?kind={kind}", content=b"", headers={"Content-Type": "text/plain"})
     assert (response.status_code, response.json()) == (200, {"values": {}})

@@ -78,9 +78,8 @@ def test_every_field_has_a_name_and_a_description(kind: str) -> None:
 
 def test_no_field_is_described_that_is_not_there() -> None:
     there = {f"setup.{kind}.{section}.{key}" for kind in NAMES for section, key, _ in fields(kind)}
-    described = {
-        key.removesuffix(".about") for key in texts("en") if re.fullmatch(r"setup\.(lay|spray)\.\w+\.\w+.*", key)
-    }
+    pattern = re.compile(rf"setup\.({'|'.join(NAMES)})\.\w+\.\w+.*")
+    described = {key.removesuffix(".about") for key in texts("en") if pattern.fullmatch(key)}
     assert described == there
 
 
@@ -93,7 +92,7 @@ def test_every_problem_has_the_title_of_the_server() -> None:
 
 def test_every_example_has_the_title_of_the_server() -> None:
     english = texts("en")
-    assert {name: english.get(f"example.{name}") for name in EXAMPLES} == EXAMPLES
+    assert [english.get(f"example.{one.name}") for one in EXAMPLES] == [one.title for one in EXAMPLES]
 
 
 def test_every_controller_has_the_title_of_its_table() -> None:

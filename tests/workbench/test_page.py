@@ -31,7 +31,7 @@ from tapelayer.laying.settings import Setup
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Kind, Trajectory
 from tapelayer.setups.sections import parse_setup
-from tests.helpers.browsing import LARGE, SCREENSHOTS, SMALL, Person, api
+from tests.helpers.browsing import LARGE, PATIENCE_MS, SCREENSHOTS, SMALL, Person, api
 from tests.helpers.paths import ROOT
 from tests.helpers.served import Workbench
 from urdf import TAPELAYER
@@ -897,7 +897,7 @@ def test_a_hundred_thousand_blocks_stay_together(browser: Any, tmp_path: Path) -
         machine_drawn = time.perf_counter() - begin
         person.choose_file("import-file", "waves.txt", waves(62))
         person.fill("process", tolerance_mm=0.0003)
-        assert person.generate() == "done"
+        assert person.generate(patience_ms=10 * PATIENCE_MS) == "done"
         person.made()
         made = Made(person)
         assert len(made.trajectory) > 100_000

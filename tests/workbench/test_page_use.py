@@ -134,7 +134,7 @@ def test_a_dropped_setup_is_loaded_and_asks_before_it_replaces(guest: Person) ->
     [
         ("a.nc", b"%\n(part)\nN10 G90\nN20 G01 X1 F100\n", "a.nc is an NC program; the page judges none yet"),
         ("a.txt", b"G90\nG01 X1 F100\n", "a.txt is an NC program; the page judges none yet"),
-        ("a.png", PICTURE, "a.png is neither a course file, an STL, a setup"),
+        ("a.png", PICTURE, "a.png is neither a course file, a model, a setup"),
         ("b.toml", b"[spray]\npitch_mm = 30\n", "b.toml is a setup for another kind of job (Spraying)"),
     ],
 )

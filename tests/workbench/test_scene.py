@@ -71,7 +71,8 @@ def made_of(courses: list[Course], setup: Setup) -> LayingResult:
 
 def scene_of(made: LayingResult | SprayResult, mould: Mesh | None = None) -> Scene:
     kind = kind_of("spray" if isinstance(made, SprayResult) else "lay")
-    return Scene(scene.files(kind.scene(made, mould), made.trajectory, made.job.machine))
+    drawn = kind.scene(made, mould)
+    return Scene(scene.files(drawn) | scene.motion_files(drawn.numbers, made.trajectory, made.job.machine))
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from tapelayer.laying.settings import Setup
 from tapelayer.setups.sections import parse_setup
 from tapelayer.spraying.settings import SpraySetup
 from tapelayer.workbench.problems import Problem
+from tapelayer.workbench.store import Store
 from tapelayer.workbench.submission import LARGEST_URDF, job_request, verify_request
 from tapelayer.workbench.uploads import Form
 from urdf import TAPELAYER
@@ -38,7 +39,16 @@ def form_of(folder: Path, texts: Mapping[str, str], parts: Mapping[str, bytes], 
 
 
 def asked(folder: Path, parts: Mapping[str, bytes] | None = None, /, **texts: str) -> dict[str, Any]:
-    return job_request(form_of(folder, texts, parts or {}, file="铺层.txt"), folder)
+    return requested(form_of(folder, texts, parts or {}, file="铺层.txt"), folder)
+
+
+def requested(form: Form, folder: Path) -> dict[str, Any]:
+    """What a worker gets of a form, where there are no other jobs."""
+    store = Store(folder / "work")
+    try:
+        return job_request(form, folder, store)
+    finally:
+        store.close()
 
 
 def test_a_worker_finds_its_folder_as_it_expects_it(tmp_path: Path) -> None:
@@ -138,8 +148,8 @@ def test_a_urdf_only_describes(tmp_path: Path, data: bytes, code: str, sentence:
 @pytest.mark.parametrize(
     ("texts", "code", "sentence"),
     [
-        ({}, "invalid-request", "kind: expected lay or spray, it is missing"),
-        ({"kind": "Lay"}, "invalid-request", "kind: expected lay or spray, got 'Lay'"),
+        ({}, "invalid-request", "kind: expected lay or spray or plan, it is missing"),
+        ({"kind": "Lay"}, "invalid-request", "kind: expected lay or spray or plan, got 'Lay'"),
         ({"kind": "lay", "unit": "mm"}, "invalid-request", "unit: a unit belongs to kind spray, course files are in "),
         ({"kind": "spray", "unit": "ft"}, "invalid-request", "unit: expected mm or cm or m or in, got 'ft'"),
         ({"kind": "lay", "controller": "fanuc"}, "name-not-allowed", "[output] controller: 'fanuc' is neither built "),
@@ -156,16 +166,16 @@ def test_a_setup_is_refused_with_its_faults(tmp_path: Path) -> None:
         asked(tmp_path, kind="lay", setup="[tape]\nwidth = 75\nthickness_mm = 0\n")
     assert [fault.line for fault in refused.value.faults] == [2, 3]
     with pytest.raises(SetupRefused, match=r"^setup:1: unknown section \[tape\]; "):
-        job_request(Form({"kind": bytearray(b"spray"), "setup": bytearray(b"[tape]\n")}, {"file": "a"}), tmp_path)
+        requested(Form({"kind": bytearray(b"spray"), "setup": bytearray(b"[tape]\n")}, {"file": "a"}), tmp_path)
 
 
 def test_files_that_are_missing_or_out_of_place(tmp_path: Path) -> None:
     with pytest.raises(Problem, match=r"^file: is missing; send the course file or the STL as a file$"):
-        job_request(Form({"kind": bytearray(b"lay")}), tmp_path)
+        requested(Form({"kind": bytearray(b"lay")}), tmp_path)
     with pytest.raises(Problem, match=r"^program: is missing; send the NC program as a file$"):
         verify_request(Form({"kind": bytearray(b"lay")}), tmp_path)
     with pytest.raises(Problem, match=r"^mould: a mould belongs to kind lay; leave it out$"):
-        job_request(form_of(tmp_path, {"kind": "spray"}, {}, file="a.stl", mould="b.stl"), tmp_path)
+        requested(form_of(tmp_path, {"kind": "spray"}, {}, file="a.stl", mould="b.stl"), tmp_path)
 
 
 def test_a_part_does_not_stand_for_a_built_in(tmp_path: Path) -> None:

@@ -1,5 +1,22 @@
 import { KINDS } from "./kinds";
-import type { Blocks, Comparison, Job, Kind, KindTold, Limit, Made, Problem, Report, SetupValues, Table, TableName } from "./types";
+import type { Point } from "./outline";
+import type {
+  Blocks,
+  Comparison,
+  Job,
+  Judged,
+  Kind,
+  KindTold,
+  Limit,
+  Made,
+  Planned,
+  Problem,
+  ProgramReport,
+  Report,
+  SetupValues,
+  Table,
+  TableName,
+} from "./types";
 
 const ROOT = "/api/v1";
 
@@ -28,7 +45,8 @@ export interface Session {
 }
 
 export interface Request {
-  file: File;
+  /** What it is made from: a file, or the job that made it. */
+  file: File | Job;
   kind: Kind;
   setup: string;
   unit: string;
@@ -125,6 +143,7 @@ export interface Schema {
   anyOf?: Schema[];
   items?: Schema;
   properties?: Record<string, Schema>;
+  required?: string[];
   additionalProperties?: Schema | boolean;
   $ref?: string;
   $defs?: Record<string, Schema>;
@@ -183,6 +202,14 @@ export async function exampleFile(name: string): Promise<File> {
   return new File([await (await ask(`/examples/${encodeURIComponent(name)}`)).blob()], name);
 }
 
+/** The course file that a plan made. */
+export async function coursesFile({ id, name }: Job): Promise<File> {
+  return new File([await (await ask(`/jobs/${id}/courses`)).blob()], coursesName(name));
+}
+
+/** The name of the course file that is made on a mould. */
+export const coursesName = (mould: string): string => mould.replace(/\.\w+$/, ".txt");
+
 /** The file that a job was made from. */
 export async function sourceFile({ id, name }: Job): Promise<File> {
   return new File([await (await ask(`/jobs/${id}/source`)).blob()], name);
@@ -227,10 +254,11 @@ export async function formatSetup(kind: Kind, values: SetupValues, whole = false
 
 export function createJob(request: Request, signal: AbortSignal): Promise<Job> {
   const form = new FormData();
-  form.append("file", request.file);
+  if (request.file instanceof File) form.append("file", request.file);
+  else form.append("from_job", request.file.id);
   form.append("kind", request.kind);
   if (request.setup) form.append("setup", request.setup);
-  if (KINDS[request.kind].unit) form.append("unit", request.unit);
+  if (KINDS[request.kind].unit && !KINDS[request.kind].source) form.append("unit", request.unit);
   if (request.mould) form.append("mould", request.mould);
   for (const part of request.parts) form.append("parts", part);
   return askJson("/jobs", { method: "POST", body: form, signal });
@@ -295,41 +323,85 @@ export async function jobSetup({ id, kind }: Job): Promise<SetupValues> {
   return parseSetup(kind, await (await ask(`/jobs/${id}/setup`)).text());
 }
 
-/** The results that the page shows at once, of a job that passed or was judged bad; the rest is fetched on demand. */
-export async function load(made: Job): Promise<Made> {
+function formOf(file: File, unit: string): FormData {
+  const form = new FormData();
+  form.append("file", file);
+  form.append("unit", unit);
+  return form;
+}
+
+/** Asks what the server says of a mould, which refuses what is no model. */
+export const lookAtMould = (file: File, unit: string): Promise<Response> =>
+  ask("/mould", { method: "POST", body: formOf(file, unit) });
+
+/** The closed lines of a boundary's file, mm. */
+export const boundaryLoops = (file: File, unit: string): Promise<{ points_mm: Point[]; holes_mm: Point[][] }> =>
+  askJson("/boundary", { method: "POST", body: formOf(file, unit) });
+
+/** What a ply covers on its mould. */
+export interface Region {
+  area_m2: number;
+  /** The boundary after its inset, then the holes. */
+  rings_mm: Point[][];
+  seed_mm: Point;
+}
+
+/** Finds what a ply covers, without planning it. */
+export function findRegion(mould: File, ply: string, parts: File[], signal: AbortSignal): Promise<Region> {
+  const form = new FormData();
+  form.append("file", mould);
+  form.append("setup", ply);
+  for (const part of parts) form.append("parts", part);
+  return askJson("/region", { method: "POST", body: form, signal });
+}
+
+/** The tables of a job's results, each fetched once; null for those that it has not. */
+function tablesOf(made: Job): Judged["table"] {
+  const tables = new Map<TableName, Promise<Table | null>>();
+  return (name) => {
+    const found = tables.get(name) ?? (made.results.includes(name) ? table(made.id, name) : Promise.resolve(null));
+    tables.set(name, found);
+    return found;
+  };
+}
+
+/** What is told of every job's results, of one that passed or was judged bad. */
+async function judged(made: Job): Promise<Judged> {
   const path = `/jobs/${made.id}`;
-  const { kind } = made;
-  const [report, poses, blocks, changed, schema, told, { limits }, program, withheld] = await Promise.all([
+  const [report, changed, schema, told, { limits }] = await Promise.all([
     askJson<Report>(`${path}/report.json`),
-    table(made.id, "poses"),
-    askJson<Blocks>(`${path}/blocks`),
     jobSetup(made),
-    setupSchema(kind),
+    setupSchema(made.kind),
     kinds(),
     askJson<{ limits: Record<string, Limit> }>(`${path}/limits`),
-    // The server withholds a program that was judged bad.
-    made.results.includes("program") ? ask(`${path}/program`).then((response) => response.text()) : null,
-    made.results.includes("withheld") ? askJson<{ lines: string[] }>(`${path}/withheld`) : null,
   ]);
-  const tables = new Map<TableName, Promise<Table | null>>([["poses", Promise.resolve(poses)]]);
-  const { quantities, not_judged: notJudged = [] } = told.find((each) => each.kind === kind)!;
+  const { quantities, not_judged: notJudged = [] } = told.find((each) => each.kind === made.kind)!;
   return {
     job: made,
-    kind,
     report,
-    poses,
-    blocks,
     setup: effective(schema, changed),
     changed,
     quantities,
     notJudged,
     limits,
-    program: program ?? withheld?.lines.join("\n") ?? null,
     url: (what) => `${ROOT}${path}/${what}`,
-    table(name) {
-      const found = tables.get(name) ?? (made.results.includes(name) ? table(made.id, name) : Promise.resolve(null));
-      tables.set(name, found);
-      return found;
-    },
+    table: tablesOf(made),
   };
+}
+
+/** The results that the page shows at once; the rest is fetched on demand. */
+export async function load(made: Job): Promise<Made | Planned> {
+  const { kind } = made;
+  if (kind === "plan") return { ...(await judged(made)), kind };
+  const path = `/jobs/${made.id}`;
+  const [shared, poses, blocks, program, withheld] = await Promise.all([
+    judged(made),
+    table(made.id, "poses"),
+    askJson<Blocks>(`${path}/blocks`),
+    // The server withholds a program that was judged bad.
+    made.results.includes("program") ? ask(`${path}/program`).then((response) => response.text()) : null,
+    made.results.includes("withheld") ? askJson<{ lines: string[] }>(`${path}/withheld`) : null,
+  ]);
+  const report = shared.report as ProgramReport;
+  return { ...shared, kind, report, poses, blocks, program: program ?? withheld?.lines.join("\n") ?? null };
 }

@@ -1,5 +1,5 @@
 import { currentLanguage, t } from "../i18n";
-import type { Failure, Made, Quantity, Translate, Words } from "./types";
+import type { Failure, Judged, Quantity, Translate, Words } from "./types";
 
 /** A text in the page's language. */
 export const inWords = (words: Words): string => words[currentLanguage()];
@@ -69,7 +69,7 @@ export function stemOf(key: string): { stem: string; unit: string } {
 }
 
 /** The name of a failure in words. */
-export function failureName({ what }: Failure, { quantities }: Made, t: Translate): string {
+export function failureName({ what }: Failure, { quantities }: Judged, t: Translate): string {
   const { stem } = stemOf(what);
   const axis = /^axis_(.+?)(_speed)?$/.exec(stem);
   if (axis) return t(axis[2] ? "failure.axis_speed" : "failure.axis_travel", { axis: axis[1]! });

@@ -22,6 +22,7 @@ export function remember(key: string, value: unknown): void {
 /** The selected course; 0 for none. */
 export function createSelection(): Selection {
   const listeners = new Set<(course: number) => void>();
+  const visitors: ((place: [number, number, number]) => void)[] = [];
   let course = 0;
   return {
     get course() {
@@ -35,5 +36,9 @@ export function createSelection(): Selection {
       listeners.add(listener);
       return () => listeners.delete(listener);
     },
+    visit(place) {
+      for (const visitor of visitors) visitor(place);
+    },
+    onVisit: (visitor) => void visitors.push(visitor),
   };
 }

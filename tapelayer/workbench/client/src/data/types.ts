@@ -1,4 +1,10 @@
-export type Kind = "lay" | "spray";
+import type { Drawn } from "../views/board";
+import type { Region } from "./api";
+import type { Model, Unit } from "./model";
+
+/** Kinds of job that make a program. */
+export type ProgramKind = "lay" | "spray";
+export type Kind = ProgramKind | "plan";
 
 export type State = "queued" | "running" | "done" | "failed" | "cancelled";
 
@@ -26,7 +32,7 @@ export interface Problem extends Told {
   reference?: string;
 }
 
-export interface Failure {
+export interface Failure extends Told {
   what: string;
   value: number | null;
   limit: number | null;
@@ -37,15 +43,13 @@ export interface Failure {
 }
 
 export interface Summary {
-  blocks: number;
+  /** A plan has neither blocks nor a duration. */
+  blocks?: number;
+  duration_s?: number;
   courses?: number;
   passes?: number;
-  duration_s: number;
-  program_sha256: string;
   passed: boolean;
   failures: number;
-  max_position_error_mm: number | null;
-  controller: string;
   bytes: number;
 }
 
@@ -66,7 +70,7 @@ export interface Job {
   summary: Summary | null;
   error: Problem | null;
   results: string[];
-  sent: { unit: string; mould: string; parts: string[] };
+  sent: { unit: string; mould: string; parts: string[]; from_job?: string };
   mine: boolean;
   owner_key?: string;
 }
@@ -90,7 +94,10 @@ export interface Table {
   column(column: string): Float32Array;
 }
 
-export type TableName = "poses" | "speeds" | "errors" | "points" | "tape" | "part" | "coat";
+export type TableName =
+  | ("poses" | "speeds" | "errors" | "points" | "tape" | "part" | "coat")
+  // Of a plan.
+  | ("lines" | "gaps" | "boundary");
 
 export interface Blocks {
   rows: number;
@@ -107,6 +114,9 @@ export interface Blocks {
 export type Report = Record<string, unknown> & {
   passed: boolean;
   failures: Failure[];
+};
+
+export type ProgramReport = Report & {
   program_sha256: string;
   axes: Record<string, AxisReport>;
 };
@@ -158,14 +168,14 @@ export interface Limit {
   value: number;
   /** Whether the limit is judged; if not, the quantity is only measured. */
   judged: boolean;
+  /** Whether it is a least value, not a largest. */
+  least?: boolean;
 }
 
-export interface Made {
+/** What a job made and how it was judged. */
+export interface Judged {
   job: Job;
-  kind: Kind;
   report: Report;
-  poses: Table;
-  blocks: Blocks;
   setup: SetupValues;
   changed: SetupValues;
   /** What the verification did not judge, if the server tells. */
@@ -174,10 +184,23 @@ export interface Made {
   quantities: Quantity[];
   /** Limits of the setup by the key of the quantity. */
   limits: Record<string, Limit>;
+  url(what: "program" | "courses" | "report.json" | "report.html" | "trajectory" | "setup" | "source" | "urdf"): string;
+  table(name: TableName): Promise<Table | null>;
+}
+
+/** A program. */
+export interface Made extends Judged {
+  kind: ProgramKind;
+  report: ProgramReport;
+  poses: Table;
+  blocks: Blocks;
   /** Text of the program, to be read only where it failed; null where it could not even be written. */
   program: string | null;
-  url(what: "program" | "report.json" | "report.html" | "trajectory" | "setup" | "source" | "urdf"): string;
-  table(name: TableName): Promise<Table | null>;
+}
+
+/** A ply's courses. */
+export interface Planned extends Judged {
+  kind: "plan";
 }
 
 export type Translate = (key: string, values?: Record<string, string | number>) => string;
@@ -204,10 +227,15 @@ export interface Selection {
   readonly course: number;
   select(course: number): void;
   onChange(listener: (course: number) => void): () => void;
+  /** Looks at a place on the mould, mm in its axes. */
+  visit(place: [number, number, number]): void;
+  onVisit(listener: (place: [number, number, number]) => void): void;
 }
 
 export interface Panel {
   show(made: Made): void;
+  /** Shows a ply's courses, and how they differ from those shown before; panels without it have nothing to say of them. */
+  plan?(planned: Planned, former: Planned | null): void;
   clear(): void;
   retranslate(): void;
   retheme?(): void;
@@ -217,6 +245,14 @@ export interface Panel {
 
 export interface ScenePanel extends Panel {
   idle(kind: Kind): void;
+  /** Shows a mould as it was brought in; where it is `drawable`, a ply of these values can be drawn on it, whose courses may be planned. */
+  mould(model: Model, unit: Unit, values: SetupValues, drawable: boolean, planned: Planned | null): void;
+  /** Draws the ply's values on the mould. */
+  ply(values: SetupValues): void;
+  /** Draws what the ply covers; null: it is not known. */
+  region(region: Region | null): void;
+  /** Draws the courses of a plan on the mould; null: none. */
+  plan(planned: Planned | null): void;
 }
 
 export interface ProgramPanel extends Panel {
@@ -228,6 +264,15 @@ export interface PlayerPanel extends Panel {
 }
 
 export type CreatePlayer = (root: HTMLElement, t: Translate) => PlayerPanel;
+
+export type CreateScene = (
+  root: HTMLElement,
+  clock: Clock,
+  t: Translate,
+  selection: Selection,
+  /** Takes what was drawn on a mould. */
+  drawn: (drawn: Drawn) => void,
+) => ScenePanel;
 
 export type CreatePanel<P extends Panel = Panel> = (
   root: HTMLElement,

@@ -7,6 +7,7 @@ export function ask<Choice extends string>(heading: string, question: string, ch
     const choose = (choice: Choice) => (): void => {
       chosen = choice;
       box.close();
+      box.remove(); // The close event comes a moment later; until then another question may open.
     };
     const buttons = (Object.keys(choices) as Choice[]).map((choice) =>
       h("button", { type: "button", testid: `answer-${choice}`, onclick: choose(choice) }, choices[choice]),

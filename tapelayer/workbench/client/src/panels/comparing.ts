@@ -26,8 +26,8 @@ function keyName({ kind }: Comparison, section: string, key: string): string {
 }
 
 /** Two jobs beside each other: the numbers of their reports, the parameters and the files that differ. */
-export function createComparison(): Compared {
-  const root = h("section", { testid: "comparison", class: "comparison", tLabel: "jobs.compare.title" });
+export function createComparison(heading = "jobs.compare.title"): Compared {
+  const root = h("section", { testid: "comparison", class: "comparison", tLabel: heading });
   root.hidden = true;
   let drawn: { heads: string[]; told: Comparison; kind: KindTold } | null = null;
 
@@ -48,7 +48,7 @@ export function createComparison(): Compared {
     const differing = (caption: string, rows: (Node | string)[][]): HTMLElement =>
       rows.length ? table(t(caption), columns, rows) : h("p", {}, `${t(caption)}: ${t("jobs.compare.same")}`);
     root.replaceChildren(
-      h("h3", {}, t("jobs.compare.title")),
+      h("h3", {}, t(heading)),
       differing("jobs.compare.setup", keys),
       differing("jobs.compare.files", files),
       table(t("jobs.compare.numbers"), columns, numbers),

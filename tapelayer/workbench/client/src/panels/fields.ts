@@ -1,6 +1,7 @@
 import type { Schema } from "../data/api";
 import { h } from "../elements";
 import { t } from "../i18n";
+import { boundaryField, holesField } from "./outlines";
 
 /** The input for one key; `read` returns undefined if the key is not set. */
 export interface Field {
@@ -26,6 +27,8 @@ export interface Surroundings {
   /** Names to choose from for a key that takes a name: controllers, uploaded files. */
   choices(key: string): { value: string; title: string }[];
   axes: Axis[];
+  /** Takes the boundary and the holes of a file. */
+  load(file: File): void;
 }
 
 /** The schema of a value that is set: references resolved, `null` removed. */
@@ -37,6 +40,8 @@ export function plain(schema: Schema, root: Schema): Schema {
 }
 
 export function fieldOf(id: string, key: string, schema: Schema, around: Surroundings): Field {
+  if (key === "boundary") return boundaryField(id, key, schema, around);
+  if (key === "holes") return holesField(id);
   if (schema.type === "boolean") return checkbox(id, schema);
   if (schema.enum) return choice(id, schema);
   if (schema.properties) return group(id, schema, around);

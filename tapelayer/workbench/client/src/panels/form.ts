@@ -1,6 +1,6 @@
 import { controllers, machines, setupSchema, type Controller } from "../data/api";
 import { h } from "../elements";
-import { fieldOf, plain, type Field } from "./fields";
+import { fieldOf, plain, type Field, type Surroundings } from "./fields";
 import { known, t } from "../i18n";
 import { inLanguage } from "./sentences";
 import { FIRST, KINDS, NAMES } from "../data/kinds";
@@ -24,6 +24,9 @@ const UNITS: [suffix: RegExp, unit: string][] = [
   [/_v$/, "V"],
 ];
 
+/** Keys whose values are places on the model, in its unit. */
+const PLACES = /^(boundary|holes|seed)$/;
+
 interface Row {
   section: string;
   key: string;
@@ -39,6 +42,12 @@ export interface Form {
   show(kind: Kind): Promise<void>;
   values(): SetupValues;
   write(values: SetupValues): void;
+  /** Changes some parameters of a section; undefined: to the default. */
+  put(section: string, values: Record<string, unknown>): void;
+  /** Says in which unit places on the model are. */
+  measure(unit: string): void;
+  /** Whether it shows the parameters of a kind, and all of its fields are valid. */
+  sound(kind: Kind): boolean;
   /** Whether all fields are valid; focuses the first invalid one. */
   check(): boolean;
   /** Shows each fault at its field. */
@@ -56,13 +65,28 @@ function unitOf(key: string): string {
   return UNITS.find(([suffix]) => suffix.test(key))?.[1] ?? "";
 }
 
+/** Makes a field one that has to be filled in. */
+function demand(field: Field): void {
+  const { fault } = field;
+  field.fault = () => (field.read() === undefined ? t("field.required") : fault());
+  field.first.setAttribute("aria-required", "true");
+}
+
 /** The form of the parameters, built from the setup's schema; it sets only values that differ from the defaults. */
-export function createForm(root: HTMLElement, files: () => string[], onChange: () => void): Form {
+export function createForm(
+  root: HTMLElement,
+  files: () => string[],
+  load: Surroundings["load"],
+  onChange: () => void,
+): Form {
   const drafts = Object.fromEntries(
     NAMES.map((kind) => [kind, remembered<SetupValues>(`setup.${kind}`, {})]),
   ) as Record<Kind, SetupValues>;
   let rows: Row[] = [];
   let counts = new Map<string, HTMLElement>();
+  // Where the model's unit stands.
+  let places: HTMLElement[] = [];
+  let modelUnit = "mm";
   let current: Kind = FIRST;
   let controls: Controller[] = [];
 
@@ -123,11 +147,13 @@ export function createForm(root: HTMLElement, files: () => string[], onChange: (
       current = kind;
       controls = built;
       const machine = models.find(({ name }) => name === KINDS[kind].machine);
-      const around = { choices, axes: machine?.axes ?? [] };
-      const openSections = remembered<string[]>(`open.${kind}`, ["part", "process", "spray"]);
+      const around = { choices, axes: machine?.axes ?? [], load };
+      const openSections = remembered<string[]>(`open.${kind}`, ["part", "process", "spray", "ply"]);
       rows = [];
+      places = [];
       counts = new Map();
-      const sections = Object.entries(schema.properties ?? {}).map(([section, reference]) => {
+      const own = Object.entries(schema.properties ?? {}).filter(([section]) => section !== KINDS[kind].source);
+      const sections = own.map(([section, reference]) => {
         const count = h("span", { class: "count" });
         counts.set(section, count);
         const summary = h("summary", {}, h("span", { t: `setup.${kind}.${section}` }), count);
@@ -137,14 +163,17 @@ export function createForm(root: HTMLElement, files: () => string[], onChange: (
           const names = [...root.querySelectorAll("details")].filter((each) => each.open);
           remember(`open.${kind}`, names.map((each) => each.dataset["testid"]!.replace("section-", "")));
         });
-        for (const [key, property] of Object.entries(plain(reference, schema).properties ?? {})) {
+        const { properties = {}, required = [] } = plain(reference, schema);
+        for (const [key, property] of Object.entries(properties)) {
           const id = `field-${section}-${key}`;
           const name = `setup.${kind}.${section}.${key}`;
           const field = fieldOf(id, key, plain(property, schema), around);
+          if (required.includes(key)) demand(field);
           const faultLine = h("p", { class: "fault", id: `${id}-fault` });
           const about = h("p", { class: "about", id: `${id}-about`, t: `${name}.about` });
           const label = h("label", { for: field.first.id, tTitle: `${name}.about` }, h("span", { t: name }));
           const unit = h("span", { class: "unit", title: key }, unitOf(key));
+          if (PLACES.test(key)) places.push(unit);
           const element = h("div", { class: "field" }, label, field.element, unit, about, faultLine);
           // A field with several inputs is announced as a group.
           if (field.first !== field.element) element.classList.add("wide");
@@ -161,10 +190,26 @@ export function createForm(root: HTMLElement, files: () => string[], onChange: (
         return details;
       });
       root.replaceChildren(...sections);
+      for (const each of places) each.textContent = modelUnit;
       write(drafts[kind]);
     },
     values,
     write,
+    put(section, set) {
+      for (const [key, value] of Object.entries(set)) {
+        const row = rowOf(section, key);
+        if (!row) continue;
+        row.told = null;
+        row.field.write(value);
+        mark(row, "");
+      }
+      changed();
+    },
+    measure(unit) {
+      modelUnit = unit;
+      for (const each of places) each.textContent = unit;
+    },
+    sound: (kind) => kind === current && rows.length > 0 && rows.every(({ field }) => !field.fault()),
     check() {
       for (const row of rows) mark(row, row.field.fault());
       const faulty = rows.find((row) => row.faultLine.textContent);

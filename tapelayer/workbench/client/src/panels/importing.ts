@@ -1,15 +1,18 @@
-import { exampleFile, examples, type Example } from "../data/api";
+import { exampleFile, examples, lookAtMould, type Example } from "../data/api";
 import { contentOf } from "../data/contents";
+import { likelier, type Model, readModel, sidesOf, type Unit, UNITS } from "../data/model";
 import { h } from "../elements";
 import { ask } from "./asking";
 import { known, t } from "../i18n";
-import { FIRST, KINDS, kindOfSource, NAMES } from "../data/kinds";
-import type { Kind } from "../data/types";
+import { FIRST, KINDS, NAMES, OF_MODELS } from "../data/kinds";
+import type { Job, Kind } from "../data/types";
 
 /** The file that a job is made from; for a reopened job, the file is on the server. */
 export interface Source {
   name: string;
   file(): Promise<File>;
+  /** The plan that made it; without one it is a file. */
+  plan?: Job;
 }
 
 export interface Import {
@@ -17,9 +20,13 @@ export interface Import {
   readonly source: Source | null;
   readonly mould: File | null;
   readonly parts: File[];
-  readonly unit: string;
+  readonly unit: Unit;
+  /** The source as it is drawn, as soon as it is read; null where it is no model. */
+  readonly model: Model | null;
   /** Takes over the file of a job and the files sent with it. */
-  bring(source: Source, kind: Kind, unit: string, mould: File | null, parts: File[]): void;
+  bring(source: Source, kind: Kind, unit: Unit, mould: File | null, parts: File[]): void;
+  /** Takes the model's numbers in another unit. */
+  measure(unit: Unit): void;
   clear(): void;
   askForFile(): void;
   /** Loads the list of examples from the server. */
@@ -27,7 +34,10 @@ export interface Import {
   retranslate(): void;
 }
 
-const UNITS = ["mm", "cm", "m", "in"];
+// Millimetres from which on a side has no decimals.
+const WHOLE = 100;
+
+const millimetres = (side: number): string => side.toFixed(side >= WHOLE ? 0 : side >= 1 ? 1 : 3);
 
 const uploaded = (file: File): Source => ({ name: file.name, file: async () => file });
 
@@ -53,6 +63,9 @@ export function createImport(
 ): Import {
   let kind: Kind = FIRST;
   let source: Source | null = null;
+  let model: Model | null = null;
+  // The source that the model was read from.
+  let read: Source | null = null;
   let mould: File | null = null;
   let parts: File[] = [];
   let offered: Example[] = [];
@@ -61,8 +74,8 @@ export function createImport(
     const other = next !== kind;
     kind = next;
     for (const [name, radio] of radios) radio.checked = name === kind;
-    unitRow.hidden = !KINDS[kind].unit;
     mouldRow.hidden = !KINDS[kind].mould;
+    measure();
     if (!other) return;
     onKind(kind);
     onChange();
@@ -74,9 +87,49 @@ export function createImport(
     draw();
   };
 
+  /** Reads the model that is to be looked at. */
+  const look = async (): Promise<void> => {
+    const wanted = KINDS[kind].model ? source : null;
+    if (wanted === read) return;
+    read = wanted;
+    model = null;
+    if (!wanted) return;
+    const file = await wanted.file();
+    const found = await readModel(file);
+    if (read !== wanted) return;
+    model = found;
+    measure();
+    onChange();
+    // The server says what is wrong with a model that cannot be read.
+    if (!found && (await contentOf(file)) === "model") await lookAtMould(file, unit.value);
+  };
+
+  /** Says how large the model is, and whether that is likely. */
+  const measure = (): void => {
+    look().catch(onProblem);
+    unitRow.hidden = !KINDS[kind].unit;
+    size.hidden = doubt.hidden = !model;
+    if (!model) return;
+    const inWords = (each: Unit): string => sidesOf(model!, each).map(millimetres).join(" × ");
+    size.textContent = t("model.size", { size: inWords(unit.value as Unit), facets: model.corners.length / 9 });
+    const others = likelier(model, unit.value as Unit);
+    doubt.hidden = !others;
+    const choices = (others ?? []).map((each) => {
+      const about = { title: t("model.unit.about", { unit: each }) };
+      return h("button", { type: "button", class: "link", ...about, onclick: () => setUnit(each) }, t("model.unit", { unit: each, size: inWords(each) }));
+    });
+    doubt.replaceChildren(t("model.doubt", { unit: unit.value }), ...choices.flatMap((each) => [" ", each]));
+  };
+
+  const setUnit = (next: Unit): void => {
+    unit.value = next;
+    measure();
+    onChange();
+  };
+
   /** Takes a file in place of the present one, after asking where both are courses. */
   const takeCourses = async (file: File, unasked: boolean): Promise<void> => {
-    if (unasked && source && source.name !== file.name && !KINDS[kind].source) {
+    if (unasked && source && source.name !== file.name && !KINDS[kind].model) {
       const choices = { replace: t("ask.replace"), keep: t("ask.keep") };
       const answer = await ask("ask.courses", t("ask.courses.about", { name: source.name, other: file.name }), choices);
       if (answer !== "replace") return;
@@ -84,21 +137,20 @@ export function createImport(
     take(uploaded(file), FIRST);
   };
 
-  /** Takes a model: beside courses it may be their mould. */
-  const takeModel = async (file: File, together: boolean, unasked: boolean): Promise<void> => {
-    let mouldWanted = together;
-    if (unasked && !together && source && KINDS[kind].mould) {
-      const choices = { mould: t("ask.model.mould"), spray: t("ask.model.spray") };
-      const answer = await ask("ask.model", t("ask.model.about", { name: file.name, courses: source.name }), choices);
-      if (answer === null) return;
-      mouldWanted = answer === "mould";
+  /** Takes a model: beside courses it may be their mould; what else it is for is asked unless it is known. */
+  const takeModel = async (file: File, together: boolean): Promise<void> => {
+    let use: Kind | "mould" | null = together ? "mould" : KINDS[kind].model ? kind : OF_MODELS;
+    if (!together && !KINDS[kind].model) {
+      const others = { plan: t("ask.model.plan"), spray: t("ask.model.spray") };
+      const [about, choices] = source
+        ? [t("ask.model.about", { name: file.name, courses: source.name }), { mould: t("ask.model.mould"), ...others }]
+        : [t("ask.model.alone", { name: file.name }), others];
+      use = await ask<Kind | "mould">("ask.model", about, choices as Record<Kind | "mould", string>);
     }
-    if (!mouldWanted) {
-      take(uploaded(file), kindOfSource("a.stl"));
-      return;
-    }
-    mould = file;
-    draw();
+    if (use === "mould") {
+      mould = file;
+      draw();
+    } else if (use) take(uploaded(file), use);
   };
 
   /**
@@ -108,13 +160,13 @@ export function createImport(
   const takeFiles = async (files: File[], unasked: boolean): Promise<void> => {
     const found = await Promise.all(files.map(async (file) => ({ file, content: await contentOf(file) })));
     const of = (wanted: string): File[] => found.filter(({ content }) => content === wanted).map(({ file }) => file);
-    const [courses, models, refused] = [of("courses"), of("stl"), [] as string[]];
+    const [courses, models, refused] = [of("courses"), of("model"), [] as string[]];
     parts = [...parts, ...of("part")];
     draw();
     for (const [index, file] of courses.entries()) await takeCourses(file, unasked || index > 0);
     for (const [index, file] of models.entries()) {
       if (index) refused.push(t("import.refused.model", { name: file.name }));
-      else await takeModel(file, courses.length > 0, unasked);
+      else await takeModel(file, courses.length > 0);
     }
     for (const [index, file] of of("setup").entries()) {
       if (index) refused.push(t("import.refused.setup", { name: file.name }));
@@ -136,6 +188,7 @@ export function createImport(
       ...parts.map((part) => chip(part.name, "import.part", () => (parts = parts.filter((each) => each !== part)))),
     ];
     chips.replaceChildren(...removable);
+    measure();
     onChange();
   };
 
@@ -160,9 +213,12 @@ export function createImport(
     radios.set(name, radio);
     kinds.append(radio, h("label", { for: id, t: `kind.${name}` }));
   }
-  const unit = h("select", { id: "unit", testid: "unit", onchange: () => onChange() }, ...UNITS.map((each) => h("option", { value: each }, each)));
+  const unit = h("select", { id: "unit", testid: "unit", onchange: () => setUnit(unit.value as Unit) });
+  unit.append(...Object.keys(UNITS).map((each) => h("option", { value: each }, each)));
   const unitRow = h("div", { class: "row" }, h("label", { for: "unit", t: "import.unit" }), unit);
-  const mouldPicker = picker("import-mould", "import.choose-mould", ".stl", false, ([chosen]) => {
+  const size = h("output", { testid: "model-size", class: "model-size" });
+  const doubt = h("p", { testid: "model-doubt", class: "model-doubt", role: "status" });
+  const mouldPicker = picker("import-mould", "import.choose-mould", ".stl,.step,.stp,.iges,.igs", false, ([chosen]) => {
     mould = chosen ?? mould;
     draw();
   });
@@ -207,7 +263,7 @@ export function createImport(
     receive([...event.dataTransfer!.files], true);
   });
 
-  root.append(h("h2", { t: "import" }), zone, example, kinds, unitRow, more, chips);
+  root.append(h("h2", { t: "import" }), zone, example, kinds, unitRow, size, doubt, more, chips);
   setKind(kind);
   draw();
   offer();
@@ -225,7 +281,10 @@ export function createImport(
       return parts;
     },
     get unit() {
-      return unit.value;
+      return unit.value as Unit;
+    },
+    get model() {
+      return model;
     },
     bring(next, nextKind, nextUnit, nextMould, others) {
       parts = others;
@@ -233,6 +292,7 @@ export function createImport(
       unit.value = nextUnit;
       take(next, nextKind);
     },
+    measure: setUnit,
     clear() {
       source = null;
       mould = null;

@@ -1,6 +1,6 @@
 import "./results.css";
 import { h } from "../elements";
-import type { Clock, CreatePanel, Kind, Made, Selection, Translate } from "../data/types";
+import type { Clock, CreatePanel, ProgramKind, Made, Selection, Translate } from "../data/types";
 import { fixed, inWords, shown } from "../data/quantities";
 import { longTable } from "./longtable";
 import { facts, link, numeric, words } from "./tables";
@@ -176,7 +176,7 @@ function sprayed(root: HTMLElement, made: Made, clock: Clock, t: Translate, sele
   return nodes;
 }
 
-const LEDGERS: Record<Kind, typeof sprayed> = { lay: laid, spray: sprayed };
+const LEDGERS: Record<ProgramKind, typeof sprayed> = { lay: laid, spray: sprayed };
 
 /** Use of the tape, course by course; for spraying, the passes and the coat. */
 export const createLedger: CreatePanel = (root, clock, t, selection) => {

@@ -1,5 +1,5 @@
 import { lasting } from "../data/quantities";
-import type { Kind, Made, Translate } from "../data/types";
+import type { ProgramKind, Made, Translate } from "../data/types";
 import { h } from "../elements";
 import { type Motion, motionOf } from "../views/motion";
 
@@ -23,13 +23,13 @@ function layingPhase(motion: Motion, row: number): string {
 const sprayingPhase: PhaseOf = (motion, row) => (motion.isOn("arc", row - 1) ? "on" : "off");
 
 // The phases of each kind, those drawn over the others last.
-const PHASES: Record<Kind, { names: string[]; of: PhaseOf }> = {
+const PHASES: Record<ProgramKind, { names: string[]; of: PhaseOf }> = {
   lay: { names: ["link", "threading", "laying", STOP], of: layingPhase },
   spray: { names: ["off", "on"], of: sprayingPhase },
 };
 
 /** Begin and end of every stretch of time in each phase, seconds. */
-function bandsOf(motion: Motion, kind: Kind): Map<string, [begin: number, end: number][]> {
+function bandsOf(motion: Motion, kind: ProgramKind): Map<string, [begin: number, end: number][]> {
   const { names, of } = PHASES[kind];
   const bands = new Map(names.map((name) => [name, [] as [number, number][]]));
   let last: [number, number] = [0, 0];

@@ -1,17 +1,21 @@
 import "./results.css";
 import { h } from "../elements";
-import type { AxisReport, Clock, CreatePanel, Failure, Made, Quantity, Selection, Translate } from "../data/types";
+import type { AxisReport, Clock, CreatePanel, Failure, Judged, Limit, Made, Planned, Quantity, Selection, Translate } from "../data/types";
+import { createPlyChange, plyFacts, plyFailures } from "./ply";
 import { failureName, failureValue, fixed, inWords, limitValue, percent, plain, shown } from "../data/quantities";
 import { bar, facts, link, numeric, table, words } from "./tables";
 
 // Failures listed in the table; the rest are only counted.
 const SHOWN_FAILURES = 500;
 
+/** Whether a value keeps a limit. */
+const kept = (value: number, { value: bound, least }: Limit): boolean => (least ? value >= bound : value <= bound);
+
 /** Quantities beyond a limit that the setup does not judge. */
-function beyondUnjudged({ limits, quantities, report }: Made): Quantity[] {
+function beyondUnjudged({ limits, quantities, report }: Judged): Quantity[] {
   return quantities.filter(({ key }) => {
     const limit = limits[key];
-    return limit && !limit.judged && !(Number(report[key]) <= limit.value);
+    return limit && !limit.judged && !kept(Number(report[key]), limit);
   });
 }
 
@@ -79,7 +83,7 @@ function failuresTable(made: Made, clock: Clock, t: Translate, selection: Select
 
 /** The verdict in one line for the page header. */
 export const createBadge: CreatePanel = (root, _clock, t) => {
-  let made: Made | null = null;
+  let made: Judged | null = null;
   let changes: string[] = [];
   const badge = h("div", { class: "badge", role: "status", testid: "verdict" });
   root.append(badge);
@@ -108,16 +112,16 @@ export const createBadge: CreatePanel = (root, _clock, t) => {
     badge.title = [...badge.children].map(({ textContent }) => textContent).join(" · ");
   }
 
+  const show = (next: Judged | null): void => {
+    made = next;
+    render();
+  };
+
   render();
   return {
-    show(next) {
-      made = next;
-      render();
-    },
-    clear() {
-      made = null;
-      render();
-    },
+    show,
+    plan: show,
+    clear: () => show(null),
     retranslate: render,
     outdated(next) {
       changes = next;
@@ -126,7 +130,7 @@ export const createBadge: CreatePanel = (root, _clock, t) => {
   };
 };
 
-function quantitiesTable({ limits, quantities, report }: Made, t: Translate): HTMLElement {
+function quantitiesTable({ limits, quantities, report }: Judged, t: Translate): HTMLElement {
   const errors = quantities.filter(({ group }) => group === "error");
   const rows = errors.map((quantity) => {
     const value = report[quantity.key];
@@ -138,10 +142,10 @@ function quantitiesTable({ limits, quantities, report }: Made, t: Translate): HT
     if (!limit) return [...row, "", "", ""];
     const measured = typeof value === "number";
     const share = measured ? `${fixed((100 * value) / limit.value, 0)} %` : "";
-    const beyond = measured && value <= limit.value ? "" : limit.judged ? "beyond" : "unjudged";
+    const beyond = measured && kept(value, limit) ? "" : limit.judged ? "beyond" : "unjudged";
     return [
       ...row,
-      `${plain(limit.value)} ${quantity.unit}`,
+      `${limit.least ? "≥ " : ""}${plain(limit.value)} ${quantity.unit}`.trimEnd(),
       limit.judged ? share : `${share} ${t("report.not_judged")}`,
       bar(0, measured ? value : limit.value, 0, limit.value, beyond),
     ];
@@ -206,32 +210,45 @@ function factsList(made: Made, t: Translate): HTMLElement {
 /** Results of verification: failures, quantities against their limits, axes, facts about the program. */
 export const createVerdict: CreatePanel = (root, clock, t, selection) => {
   let made: Made | null = null;
+  let planned: Planned | null = null;
+  const change = createPlyChange();
   root.classList.add("results");
   // It scrolls and contains nothing focusable, so it takes the focus itself.
   root.tabIndex = 0;
 
   function render(): void {
-    if (!made) {
-      root.replaceChildren(h("p", { class: "empty" }, t("verdict.empty")));
-      return;
-    }
-    root.replaceChildren(quantitiesTable(made, t), axesTable(made, t), factsList(made, t));
-    if (made.report.passed) return;
-    const failures = failuresTable(made, clock, t, selection);
-    failures.dataset["testid"] = "failures";
-    root.prepend(failures);
+    if (planned) {
+      const failures = planned.report.passed ? [] : [plyFailures(planned, t, selection)];
+      root.replaceChildren(...failures, quantitiesTable(planned, t), change.root, ...plyFacts(planned, t));
+    } else if (made) {
+      root.replaceChildren(quantitiesTable(made, t), axesTable(made, t), factsList(made, t));
+      if (made.report.passed) return;
+      const failures = failuresTable(made, clock, t, selection);
+      failures.dataset["testid"] = "failures";
+      root.prepend(failures);
+    } else root.replaceChildren(h("p", { class: "empty" }, t("verdict.empty")));
   }
+
+  const show = (next: Made | null): void => {
+    made = next;
+    planned = null;
+    render();
+  };
 
   render();
   return {
-    show(next) {
-      made = next;
-      render();
-    },
-    clear() {
+    show,
+    plan(next, former) {
       made = null;
+      planned = next;
+      // Without the former one there is nothing to compare with.
+      change.show(next, former).catch(() => (change.root.hidden = true));
       render();
     },
-    retranslate: render,
+    clear: () => show(null),
+    retranslate() {
+      render();
+      change.retranslate();
+    },
   };
 };

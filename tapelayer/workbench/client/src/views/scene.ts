@@ -1,21 +1,27 @@
 import "./scene.css";
 import { Box3, Raycaster, Vector2, Vector3 } from "three";
-import { reach } from "../data/api";
+import { reach, type Region } from "../data/api";
+import type { Model, Unit } from "../data/model";
 import { h, translateAll } from "../elements";
+import { Board, type Drawn } from "./board";
 import { Grid } from "./grid";
 import { Machine3D } from "./machine3d";
 import type { Spot } from "./spot";
 import { Triad } from "./triad";
 import { FIRST, KINDS } from "../data/kinds";
-import type { Clock, CreatePanel, Kind, Made, ScenePanel, Selection, Translate } from "../data/types";
+import type { Clock, CreateScene, Kind, Made, Planned, ScenePanel, Selection, SetupValues, Translate } from "../data/types";
+import type { Map2D } from "./courses";
 import { type Colouring, Stage } from "./stage";
 import { inDigits } from "./legend";
+import { MM } from "./work";
 import { DIRECTIONS, type Direction, drawable, View } from "./view";
 
 // A press that moves no farther than this counts as a click, pixels.
 const CLICK = 4;
 const HOVER_MS = 60;
 const ZOOM = 0.8;
+// What is looked at closely is seen with this share of the whole around it.
+const CLOSE = 0.2;
 // Sine of the view's elevation above which the machine hides the work.
 const STEEP = 0.8;
 // What a key turns, radians, and moves, as a share of the view's height.
@@ -32,12 +38,12 @@ const ZOOMS: Record<string, number> = { "+": ZOOM, "=": ZOOM, "-": 1 / ZOOM };
 const NAMES = { tLabel: "scene.machine", tTitle: "scene.hands" };
 
 /** The machine in 3D with its work so far. */
-export const createScene: CreatePanel<ScenePanel> = (root, clock, t, selection) => {
+export const createScene: CreateScene = (root, clock, t, selection, drawn) => {
   root.classList.add("scene");
-  if (drawable()) return new ScenePicture(root, clock, t, selection);
+  if (drawable()) return new ScenePicture(root, clock, t, selection, drawn);
   root.append(h("p", { class: "scene-message", testid: "scene-message", t: "scene.no_webgl" }));
   const nothing = (): void => {};
-  return { show: nothing, clear: nothing, idle: nothing, retranslate: () => translateAll(root) };
+  return { show: nothing, clear: nothing, idle: nothing, mould: nothing, ply: nothing, region: nothing, plan: nothing, retranslate: () => translateAll(root) };
 };
 
 class ScenePicture implements ScenePanel {
@@ -51,6 +57,7 @@ class ScenePicture implements ScenePanel {
   private readonly grid = new Grid();
   private readonly message = h("p", { class: "scene-message", testid: "scene-message", role: "status", hidden: true });
   private readonly legends = h("div", { class: "scene-legends" });
+  private readonly whole = button("view-machine", "scene.whole", "scene.whole.title", () => this.look(null, false));
   private readonly followed = button("follow", "scene.follow", "scene.follow.title", () => this.follow());
   private readonly bare = button("hide-machine", "scene.bare-work", "scene.bare-work.title", () => this.reveal(this.bare));
   private readonly headless = button("hide-head", "scene.headless", "scene.headless.title", () => this.reveal(this.headless));
@@ -64,7 +71,10 @@ class ScenePicture implements ScenePanel {
   private readonly raycaster = new Raycaster();
   private readonly pointer = new Vector2();
   private readonly point = new Vector3();
+  private readonly tools = h("div", { class: "scene-tools", role: "toolbar", tLabel: "scene.machine" });
   private stage: Stage | null = null;
+  /** In place of a stage, while a mould is looked at before there is a program. */
+  private board: Board | null = null;
   private kind: Kind = FIRST;
   // Counts the requests, so that late answers are dropped.
   private asked = 0;
@@ -73,20 +83,23 @@ class ScenePicture implements ScenePanel {
   private pointed: PointerEvent | null = null;
   private pressed: PointerEvent | null = null;
   private spot: Spot | null = null;
+  /** On a mould, what was looked for there. */
+  private place: Vector3 | null = null;
 
   constructor(
     private readonly root: HTMLElement,
     private readonly clock: Clock,
     private readonly t: Translate,
     private readonly selection: Selection,
+    private readonly drawn: (drawn: Drawn) => void,
   ) {
-    const tools = h("div", { class: "scene-tools", role: "toolbar", tLabel: "scene.machine" });
+    const { tools } = this;
     for (const direction of Object.keys(DIRECTIONS) as Direction[]) {
       tools.append(button(`view-${direction}`, `scene.view.${direction}`, `scene.view.${direction}`, () => this.look(direction)));
     }
     tools.append(
       button("view-fit", "scene.fit", "scene.fit.title", () => this.look(null, true)),
-      button("view-machine", "scene.whole", "scene.whole.title", () => this.look(null, false)),
+      this.whole,
       this.followed,
       this.bare,
       this.headless,
@@ -113,8 +126,10 @@ class ScenePicture implements ScenePanel {
     clock.onChange(() => this.view.draw());
     selection.onChange((course) => {
       this.stage?.select(course);
+      this.board?.select(course);
       this.view.draw();
     });
+    selection.onVisit((place) => this.visit(PLACE.fromArray(place).multiplyScalar(MM)));
     this.canvas.addEventListener("pointermove", (event) => this.hover(event));
     this.canvas.addEventListener("pointerleave", () => this.leave());
     this.canvas.addEventListener("pointerdown", (event) => (this.pressed = event));
@@ -130,22 +145,96 @@ class ScenePicture implements ScenePanel {
 
   idle(kind: Kind): void {
     this.kind = kind;
-    void this.set(`/api/v1/machines/${KINDS[kind].machine}/urdf`, null, () => Promise.reject(new Error("no job")));
+    const { machine } = KINDS[kind];
+    if (machine) {
+      void this.set(`/api/v1/machines/${machine}/urdf`, null, () => Promise.reject(new Error("no job")));
+      return;
+    }
+    this.asked++;
+    this.empty();
+    this.pin(null);
+    this.offer([]);
+    this.colour();
+    this.say(this.t("ply.import"));
   }
 
   clear(): void {
     this.idle(this.kind);
   }
 
+  /** Shows a mould as it was brought in; a ply can be drawn on it. */
+  mould(model: Model, unit: Unit, values: SetupValues, drawable: boolean, planned: Planned | null): void {
+    this.asked++;
+    this.say("");
+    const sight = {
+      ray: (event: MouseEvent) => this.cast(event),
+      project: (place: Vector3) => this.pixel(place),
+      look: (direction: Direction) => this.look(direction),
+      choose: (course: number) => this.selection.select(course),
+      draw: () => {
+        this.canvas.classList.toggle("drawing", this.board?.busy ?? false);
+        this.view.draw();
+      },
+    };
+    const board = new Board(model, unit, sight, drawable ? this.drawn : null, values);
+    this.empty();
+    this.board = board;
+    this.view.scene.add(board.object);
+    this.tools.after(board.tools, board.overlay);
+    this.pin(null);
+    this.offer([]);
+    this.colour();
+    for (const each of this.ofMachines) each.hidden = true;
+    this.look("iso", true);
+    if (planned) this.plan(planned);
+  }
+
+  plan(planned: Planned | null): void {
+    const { board } = this;
+    this.place = null;
+    board?.plan(planned).then(
+      () => {
+        if (board !== this.board) return;
+        board.select(this.selection.course);
+        this.offer(board.maps, "plan.map");
+        this.colour();
+      },
+      (error: unknown) => this.say(this.t("scene.failed", { reason: String(error) })),
+    );
+  }
+
+  region(region: Region | null): void {
+    this.board?.cover(region);
+  }
+
+  ply(values: SetupValues): void {
+    this.board?.show(values);
+  }
+
   retranslate(): void {
     translateAll(this.root);
+    this.board?.retranslate();
     this.colour();
     this.pin(this.spot);
   }
 
   dispose(): void {
-    this.stage?.dispose();
+    this.empty();
     this.view.dispose();
+  }
+
+  /** The buttons that there must be a machine for. */
+  private get ofMachines(): HTMLElement[] {
+    return [this.followed, this.bare, this.headless, this.plain, this.whole];
+  }
+
+  private empty(): void {
+    this.stage?.dispose();
+    this.board?.dispose();
+    this.stage = null;
+    this.board = null;
+    this.place = null;
+    this.canvas.classList.remove("drawing");
   }
 
   private async set(urdf: string, made: Made | null, mesh: (name: string) => Promise<ArrayBuffer>): Promise<void> {
@@ -166,12 +255,13 @@ class ScenePicture implements ScenePanel {
   }
 
   private enter(stage: Stage): void {
-    this.stage?.dispose();
+    this.empty();
     this.stage = stage;
     this.view.scene.add(stage.object);
     this.pin(null);
     stage.select(this.selection.course);
     this.offer(stage.colourings);
+    for (const each of this.ofMachines) each.hidden = false;
     this.plain.hidden = !stage.lined;
     this.reveal();
     this.colour();
@@ -180,6 +270,12 @@ class ScenePicture implements ScenePanel {
 
   /** Updates everything to the clock's time. */
   private update(moving: boolean): void {
+    if (this.board) {
+      this.measure();
+      for (const [mark, place] of this.board.marks()) this.put(mark, place);
+      this.put(this.mark, this.place);
+      this.put(this.nose, null);
+    }
     if (!this.stage) return;
     this.stage.at(this.clock.row, this.clock.time, moving);
     this.stage.object.updateMatrixWorld();
@@ -203,6 +299,7 @@ class ScenePicture implements ScenePanel {
 
   /** What the view is about: the work if it is near, else the machine. */
   private seen(): Box3 {
+    if (this.board) return this.board.box;
     const { work, machine } = this.stage!;
     return this.near ? work : new Box3().setFromObject(machine.robot);
   }
@@ -215,16 +312,22 @@ class ScenePicture implements ScenePanel {
   private put(mark: HTMLElement, place: Vector3 | null): void {
     mark.hidden = !place;
     if (!place) return;
+    const [x, y] = this.pixel(place);
+    mark.hidden = PLACE.z > 1;
+    mark.style.transform = `translate(${x}px, ${y}px)`;
+  }
+
+  /** Where a place is seen, pixels from the left and the top; leaves its depth in `PLACE`. */
+  private pixel(place: Vector3): [number, number] {
     const { clientWidth, clientHeight } = this.root;
     this.view.camera.updateMatrixWorld();
-    const { x, y, z } = PLACE.copy(place).project(this.view.camera);
-    mark.hidden = z > 1;
-    mark.style.transform = `translate(${((1 + x) / 2) * clientWidth}px, ${((1 - y) / 2) * clientHeight}px)`;
+    const { x, y } = PLACE.copy(place).project(this.view.camera);
+    return [((1 + x) / 2) * clientWidth, ((1 - y) / 2) * clientHeight];
   }
 
   /** Looks from a direction at the work or at the whole machine; either stays as it was if not given. */
   private look(direction: Direction | null, close = this.close): void {
-    if (!this.stage) return;
+    if (!this.stage && !this.board) return;
     this.close = close;
     this.view.look(direction, this.seen());
   }
@@ -257,9 +360,9 @@ class ScenePicture implements ScenePanel {
   }
 
   /** Offers what the work can be coloured by; what was chosen stays if it can. */
-  private offer(colourings: readonly Colouring[]): void {
+  private offer(colourings: readonly (Colouring | Map2D)[], named = "scene.colour"): void {
     const { value } = this.colouring;
-    this.colouring.replaceChildren(...colourings.map((each) => h("option", { value: each, t: `scene.colour.${each}` })));
+    this.colouring.replaceChildren(...colourings.map((each) => h("option", { value: each, t: `${named}.${each}` })));
     this.colouring.value = colourings.find((each) => each === value) ?? colourings[0] ?? "";
     this.colouring.hidden = colourings.length < 2;
   }
@@ -271,16 +374,22 @@ class ScenePicture implements ScenePanel {
   }
 
   private colour(): void {
-    const scale = this.stage?.colour(this.colouring.value as Colouring, () => this.view.draw());
+    const by = this.colouring.value;
+    const scale = this.board ? this.board.colour(by as Map2D) : this.stage?.colour(by as Colouring, () => this.view.draw());
     this.legends.replaceChildren(...(scale ? [scale] : []));
     this.view.draw();
   }
 
-  private spotAt(event: PointerEvent): Spot | null {
+  /** The ray under the pointer. */
+  private cast(event: MouseEvent): Raycaster {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     this.pointer.set((2 * (event.clientX - left)) / width - 1, 1 - (2 * (event.clientY - top)) / height);
     this.raycaster.setFromCamera(this.pointer, this.view.camera);
-    return this.stage?.hit(this.raycaster, this.clock.time) ?? null;
+    return this.raycaster;
+  }
+
+  private spotAt(event: PointerEvent): Spot | null {
+    return this.stage?.hit(this.cast(event), this.clock.time) ?? null;
   }
 
   private hover(event: PointerEvent): void {
@@ -294,12 +403,13 @@ class ScenePicture implements ScenePanel {
   }
 
   private pointOut(event: PointerEvent): void {
+    const met = this.board?.hit(this.cast(event)) ?? null;
     const spot = this.spotAt(event);
-    this.label.hidden = !spot;
-    this.canvas.classList.toggle("pointing", Boolean(spot?.course));
-    if (!spot) return;
+    this.label.hidden = !spot && !met;
+    this.canvas.classList.toggle("pointing", Boolean(spot?.course ?? met));
+    if (!spot && !met) return;
     const { left, top } = this.root.getBoundingClientRect();
-    this.label.textContent = this.words(spot);
+    this.label.textContent = met ? met.words : this.words(spot!);
     this.label.style.transform = `translate(${event.clientX - left + 14}px, ${event.clientY - top + 14}px)`;
   }
 
@@ -314,6 +424,10 @@ class ScenePicture implements ScenePanel {
     this.pressed = null;
     if (!from || event.button !== 0) return;
     if (Math.hypot(event.clientX - from.clientX, event.clientY - from.clientY) > CLICK) return;
+    if (this.board) {
+      if (!this.board.click(event)) this.selection.select(this.board.hit(this.cast(event))?.course ?? 0);
+      return;
+    }
     const spot = this.spotAt(event);
     const made = spot?.course ? spot : null;
     this.pin(made);
@@ -322,6 +436,14 @@ class ScenePicture implements ScenePanel {
       this.clock.seekTime(made.time);
     }
     this.selection.select(made?.course ?? 0);
+  }
+
+  /** Looks at a place closely, from where the view looks now. */
+  private visit(place: Vector3): void {
+    if (!this.board) return;
+    this.place = place.clone();
+    const half = CLOSE * this.board.box.getSize(PLACE).length();
+    this.view.look(null, new Box3().setFromCenterAndSize(this.place, PLACE.setScalar(half)));
   }
 
   /** Marks a place and tells what it is. */
@@ -351,6 +473,10 @@ class ScenePicture implements ScenePanel {
 
   /** Turns, moves and zooms by keys. */
   private press(event: KeyboardEvent): void {
+    if (this.board?.press(event)) {
+      event.preventDefault();
+      return;
+    }
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const [factor, arrow] = [ZOOMS[event.key], ARROWS[event.key]];
     if (factor) this.view.zoom(factor);

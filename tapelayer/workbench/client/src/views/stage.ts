@@ -1,6 +1,6 @@
 import { Box3, Group, Vector3 } from "three";
 import type { Raycaster } from "three";
-import type { Kind, Made } from "../data/types";
+import type { ProgramKind, Made } from "../data/types";
 import { Laying } from "./laying";
 import type { Machine3D } from "./machine3d";
 import { type Motion, motionOf } from "./motion";
@@ -10,7 +10,7 @@ import type { Colouring, Work } from "./work";
 
 export type { Colouring } from "./work";
 
-const WORKS: Record<Kind, (made: Made, machine: Machine3D, motion: Motion) => Promise<Work>> = {
+const WORKS: Record<ProgramKind, (made: Made, machine: Machine3D, motion: Motion) => Promise<Work>> = {
   lay: (made) => Laying.of(made),
   spray: (made, machine, motion) => Spraying.of(made, machine, motion),
 };
