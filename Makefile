@@ -4,16 +4,23 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/installed
 DOCUMENTED := $(VENV)/documented
 
-.PHONY: demo test docs clean
+.PHONY: demo test slow docs clean
 
 demo: $(INSTALLED)
 	$(BIN)/tapelayer demo
+
+# A process a core; BLAS threads of several processes would wait for each other. A control's clock is real: one at a time.
+TESTED := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadgroup
 
 test: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pytest
+	$(TESTED)
+
+# Tests that take minutes: thousands of plies, the page with a hundred thousand blocks and its build.
+slow: $(INSTALLED)
+	$(TESTED) -m slow
 
 # The tests check what the builder does not: that the site loads nothing from outside.
 docs: $(DOCUMENTED)

@@ -25,7 +25,7 @@ ROOMS = {
     "reporting": "quantities, drawing, wording",
     "post": "NC text, written and read",
     "jobs": "a job on any kind of machine",
-    "laying · spraying": "the two kinds of machine",
+    "laying · spraying · plies": "both machines, and plans of courses",
     "workbench": "jobs over HTTP",
     "cli": "the commands",
 }
@@ -50,7 +50,7 @@ DATA = (
     Datum("Verified", "verification", 820, "Inspector"),
     Datum("NC text", "post", 900, "write"),
     Datum("Program", "post", 1016, "read"),
-    Datum("Evidence", "laying · spraying", 1090, "Inspector"),
+    Datum("Evidence", "laying · spraying · plies", 1090, "Inspector"),
     Datum("report", "reporting", 1160, "numbers"),
 )
 LEFT, TOP, LANE, ROOM, DATUM = 10, 44, 44, 206, 94

@@ -12,7 +12,7 @@ from tapelayer.jobs.kinds import KindName, kind_of
 from tapelayer.reporting.quantity import quantities
 
 HERE = Path(__file__).parent
-DOCUMENTS: dict[str, KindName] = {"report.md": "lay", "spray.md": "spray"}
+DOCUMENTS: dict[str, KindName] = {"report.md": "lay", "spray.md": "spray", "planning.md": "plan"}
 TABLE = re.compile(r"(<!-- quantities -->\n).*?(\n<!-- end -->)", re.DOTALL)
 
 

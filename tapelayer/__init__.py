@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from tapelayer.courses.course import Course
     from tapelayer.courses.course_file import read_courses, write_courses
     from tapelayer.errors import TapelayerError, VerificationFailed
-    from tapelayer.geometry.stl import read_mesh
+    from tapelayer.geometry.models import read_mesh
     from tapelayer.jobs.job import JobResult
     from tapelayer.laying.inspection import verify
     from tapelayer.laying.job import Job
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from tapelayer.machines.gantry import inverse
     from tapelayer.machines.machine import Machine
     from tapelayer.motion.trajectory import Trajectory
+    from tapelayer.plies.plan import CoursePlan, plan_courses
+    from tapelayer.plies.ply import Ply
     from tapelayer.reporting.subject import Occasion
     from tapelayer.setups.sections import read_setup
     from tapelayer.spraying.job import SprayJob
@@ -26,10 +28,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Course",
+    "CoursePlan",
     "Job",
     "JobResult",
     "Machine",
     "Occasion",
+    "Ply",
     "Setup",
     "SprayJob",
     "SpraySetup",
@@ -39,6 +43,7 @@ __all__ = [
     "Verified",
     "inverse",
     "plan",
+    "plan_courses",
     "read_courses",
     "read_mesh",
     "read_setup",
@@ -48,10 +53,12 @@ __all__ = [
 
 _MODULES = {
     "Course": "courses.course",
+    "CoursePlan": "plies.plan",
     "Job": "laying.job",
     "JobResult": "jobs.job",
     "Machine": "machines.machine",
     "Occasion": "reporting.subject",
+    "Ply": "plies.ply",
     "Setup": "laying.settings",
     "SprayJob": "spraying.job",
     "SpraySetup": "spraying.settings",
@@ -61,8 +68,9 @@ _MODULES = {
     "Verified": "verification.verified",
     "inverse": "machines.gantry",
     "plan": "laying.program",
+    "plan_courses": "plies.plan",
     "read_courses": "courses.course_file",
-    "read_mesh": "geometry.stl",
+    "read_mesh": "geometry.models",
     "read_setup": "setups.sections",
     "verify": "laying.inspection",
     "write_courses": "courses.course_file",

@@ -38,10 +38,10 @@ class Frozen:
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                object.__setattr__(self, field.name, frozen(value))
+        # What a new table holds are its fields; to ask for them by `fields` is slow.
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.ndarray) and value.flags.writeable:
+                object.__setattr__(self, name, frozen(value))
 
 
 @dataclass(frozen=True, eq=False)

@@ -122,6 +122,10 @@ class SetupRefused(InputRefused):
     """A setup file cannot be used."""
 
 
+class PlyRefused(InputRefused):
+    """A ply file, its boundary or its mould cannot be planned."""
+
+
 class ProgramOfOtherSetup(SetupRefused):
     """A program was made with a different setup from the one it is judged by."""
 
@@ -140,6 +144,40 @@ class MeshRefused(InputRefused):
 
 class FootprintRefused(InputRefused):
     """A file with a measured footprint cannot be used."""
+
+
+class BeyondSurface(TapelayerError):
+    """A path on a smooth surface leaves what the surface was fitted on.
+
+    Args:
+        place: x and y of a point beyond it, metres, in the plane of the ply.
+        lower: least x and y of the surface, metres.
+        upper: greatest x and y of the surface, metres.
+    """
+
+    def __init__(self, place: Sequence[float], lower: Sequence[float], upper: Sequence[float]) -> None:
+        self.place, self.lower, self.upper = tuple(place), tuple(lower), tuple(upper)
+        (x, y), (left, bottom), (right, top) = ([1e3 * value for value in pair] for pair in (place, lower, upper))
+        super().__init__(
+            f"a path leads to x {x:.1f} mm, y {y:.1f} mm in the plane of the ply, off the surface from x {left:.1f} to "
+            f"{right:.1f} mm and y {bottom:.1f} to {top:.1f} mm; move the seed inwards, or split the ply"
+        )
+
+
+class PathNotFound(TapelayerError):
+    """No path can be traced on a smooth surface, however short its steps.
+
+    Args:
+        place: x and y of its start, metres, in the plane of the ply.
+    """
+
+    def __init__(self, place: Sequence[float]) -> None:
+        self.place = tuple(place)
+        x, y = (1e3 * value for value in place)
+        super().__init__(
+            f"the surface is too rough for a path from x {x:.1f} mm, y {y:.1f} mm in the plane of the ply; check the "
+            "mould there, or split the ply"
+        )
 
 
 class PitchNotFound(TapelayerError):
@@ -257,3 +295,18 @@ class ServeRefused(TapelayerError):
 
 class WorkDirectoryRefused(TapelayerError):
     """The workbench's work directory cannot be used, or another server uses it."""
+
+
+class NoNaturalPaths(TapelayerError):
+    """Natural paths do not fill the ply: the surface leads one round and round, or brings neighbours together.
+
+    Args:
+        what: what happens.
+        plan: where, x and y in the ply's plane, metres.
+    """
+
+    def __init__(self, what: str, plan: Sequence[float]) -> None:
+        super().__init__(
+            f"{what} near ({plan[0] * 1e3:.0f}, {plan[1] * 1e3:.0f}) mm in the ply's plane: "
+            "the mould is too strongly curved for natural paths; split the ply"
+        )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from tapelayer.errors import InputFault, InputRefused
@@ -14,6 +14,8 @@ from tapelayer.text import plain_text
 # Keys with many dots and numbers with very many digits exhaust the memory and time of a TOML parser.
 MOST_BYTES = 1 << 18
 LONGEST_LINE = 1000
+# Lists of lists that are longer stand on several lines.
+LONGEST_LIST = 100
 KEY_OF_DOTS = re.compile(r"""(?:(?:[\w-]++|"(?:[^"\\]|\\.)*+"|'[^']*+')[ \t]*+\.[ \t]*+){17}""", re.ASCII)
 
 
@@ -107,5 +109,18 @@ def toml_value(value: object) -> str:
         # JSON's escapes are TOML's, except that JSON does not escape this one control character.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, list):
-        return f"[{', '.join(map(toml_value, value))}]"
+        return toml_list([toml_value(item) for item in value])
     return "{}" if isinstance(value, Mapping) else repr(value)
+
+
+def toml_list(items: Sequence[str]) -> str:
+    """Return a list of values that are TOML already; a long list of lists with one a line.
+
+    >>> toml_list(["[0.0]", "[1.0]"])
+    '[[0.0], [1.0]]'
+    """
+    text = ", ".join(items)
+    if len(text) <= LONGEST_LIST or not text.startswith("["):
+        return f"[{text}]"
+    lines = ",\n".join(items).replace("\n", "\n  ")
+    return f"[\n  {lines},\n]"

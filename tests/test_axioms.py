@@ -151,7 +151,7 @@ def test_the_keys_of_a_report_are_the_documented_ones(kind: KindName, document: 
     # The command line adds the hash of the text that it writes.
     assert documented(document, heading) - {"text_sha256"} == set(report)
     for axis in report["axes"].values():
-        speeds = {"max_speed", "speed_limit", "max_acceleration", "acceleration_limit"}
+        speeds = {"max_speed", "speed_limit", "max_acceleration", "acceleration_limit", "max_jerk", "jerk_limit"}
         assert set(axis) == {"unit", "min", "max", "lower", "upper", "margin"} | speeds
 
 

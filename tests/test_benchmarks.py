@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import control, pipeline
+from benchmarks import control, pipeline, planning
 from tapelayer.courses.course_file import read_courses
 from tapelayer.geometry.curves import Curve
 from tapelayer.laying.job import Job
 from tapelayer.laying.placing import courses_in_machine
 from tapelayer.machines import gantry
+from tapelayer.plies.job import PlyJob
 from tapelayer.units import MM
 from tests.helpers.linuxcnc import has_linuxcnc
 from tests.helpers.setups import setup_of
@@ -126,6 +127,7 @@ def test_rows_and_memory_are_sane(capsys: pytest.CaptureFixture[str], monkeypatc
 
 
 @pytest.mark.linuxcnc
+@pytest.mark.xdist_group("control")
 @pytest.mark.skipif(not has_linuxcnc(), reason="the Debian package linuxcnc-uspace is not installed")
 def test_a_short_course_on_a_real_control_is_a_row(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -147,3 +149,23 @@ def test_a_short_course_on_a_real_control_is_a_row(
     monkeypatch.setattr(control, "row_of", lambda *given: row)
     assert control.main([str(path), "--json", "--limit", "0"]) == int(row.off != 0.0)
     assert json.loads(capsys.readouterr().out)[0]["real_s"] == row.real_s
+
+
+def test_every_stage_of_a_plan_has_its_row(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("potpourri3d", reason="potpourri3d is of the extra `bench`")
+    planning.main([str(planning.EXAMPLE), "--rounds", "1", "--json"])
+    (one,) = json.loads(capsys.readouterr().out)
+    rows = {row["stage"]: row for row in one["rows"]}
+    assert set(rows) == {*planning.STAGES, planning.WHOLE, planning.BUILT, planning.PATHS}
+    assert all(row["seconds"] > 0.0 for row in rows.values())
+    assert {stage for stage, row in rows.items() if row["other"] > 0.0} == {planning.BUILT, planning.PATHS}
+    apart = [stage for stage in planning.STAGES if not stage.startswith("of that")]
+    assert sum(rows[stage]["seconds"] for stage in apart) < rows[planning.WHOLE]["seconds"]
+    # Facets of 25 mm: a path on them is near the smooth one, and not nearly as near as that is to the exact one.
+    assert one["path_error_mm"] < 0.01 < one["off_mm"] < 1.0
+
+
+def test_the_large_mould_takes_a_hundred_courses_of_ten_metres(tmp_path: Path) -> None:
+    job = PlyJob.read(planning.write_large_ply(tmp_path))
+    width, length = (np.ptp(job.mould.vertices, axis=0)[:2] - 2 * planning.INSET_MM * MM).tolist()
+    assert width / job.ply.width > 100.0 and length >= 10.0 - 1e-9

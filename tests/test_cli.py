@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tapelayer.jobs.kinds import NAMES, kind_of
+from tapelayer.jobs.kinds import MACHINE_NAMES, kind_of, machine_kind_of
 from tapelayer.laying.settings import Setup
 from tapelayer.provenance import VERSION, unedited
 from tapelayer.setups.sections import whole_text
@@ -211,6 +211,12 @@ def test_demo_leaves_program_report_and_page(tmp_path: Path) -> None:
     assert names(tmp_path / "demo") == {f"cylinder_panel_15.{ending}" for ending in ("nc", "json", "html")}
 
 
+def test_demo_of_planning_leaves_courses_too(tmp_path: Path) -> None:
+    said = run("demo", "--plan", cwd=tmp_path).stdout
+    assert names(tmp_path / "demo") == {f"panel_ply_0.{ending}" for ending in ("txt", "nc", "json", "html")}
+    assert "11 courses, judged" in said and "blocks, verified" in said
+
+
 def test_two_exports_at_once_do_not_mix(tmp_path: Path) -> None:
     command = [sys.executable, "-c", "from tapelayer.cli import main; main()", "export"]
     files = [EXAMPLES / "flat_panel_00.txt", EXAMPLES / "cylinder_panel_15.txt"]
@@ -376,7 +382,9 @@ def test_json_alone_stands_on_stdout(tmp_path: Path) -> None:
 
 
 def test_help_shows_the_defaults_of_the_setups_and_no_type(tmp_path: Path) -> None:
-    lay, spray = ({"output": kind_of(name).setup.model_validate({}).output.controller} for name in NAMES)
+    lay, spray = (
+        {"output": machine_kind_of(name).setup.model_validate({}).output.controller} for name in MACHINE_NAMES
+    )
     process = Setup().process
     pages = {name: run(name, "--help", cwd=tmp_path).stdout for name in ("export", "spray", "verify", "serve", "setup")}
     pages = {name: " ".join(page.replace("│", " ").split()) for name, page in pages.items()}

@@ -19,6 +19,7 @@ SHOWN = {
     "drive_http": (r"cylinder_panel_15\.txt: done, \d+ blocks", {"panel.nc"}),
     "export_courses": (r"17 courses, \d+ blocks, \d+ s", {"panel.nc", "panel.json", "panel.html"}),
     "forward_inverse": (r"batch evaluator against Pinocchio: \d\.\de-1[4-9]", {"angles.svg"}),
+    "make_moulds": (r".*panel_mould\.stl: 4160 facets", {"panel_mould.stl", "wing_mould.stl"}),
     "own_controller": (r"controller mill: passed", {"mill.toml", "flat.nc"}),
     "setup_sweep": (r" +150 +500 +\d+\.\d +\d+ +0\.\d\d$", set()),
     "spray_part": (

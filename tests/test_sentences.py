@@ -28,7 +28,7 @@ from tests.helpers.said import modules, sayings, templates, texts
 
 LANGUAGES = OTHERS
 # Sentences that the source puts together from single words, and those of other programs.
-COMPOSED = {"course {1} point {2}", "pass {1}", "pass {1} point {2}", "point {1}", "tape-laying", "spraying"}
+COMPOSED = {"course {1} point {2}", "pass {1}", "pass {1} point {2}", "point {1}"}
 ALIEN = ("libraries", "failures")
 
 
@@ -220,7 +220,7 @@ JUDGING = re.compile(
 )
 # What the judges name beside failures, and composed names whose parts are all known.
 NO_FAILURE = {"max_speed", "speed_limit", "knife_1", "knife_2", "auxiliary_roller", "heater_on", "heater_off"}
-NO_FAILURE |= {"max_acceleration", "acceleration_limit"}
+NO_FAILURE |= {"max_acceleration", "acceleration_limit", "max_jerk", "jerk_limit"}
 NO_FAILURE |= {"max_heading_error_deg", "max_roller_tilt_deg"}
 PARTS = {
     "{1}_words": ("heater_on_words", "heater_off_words"),
@@ -231,6 +231,7 @@ PARTS = {
     "{1}_{2}": ("axis_{1}_mm", "axis_{1}_deg"),
     "{1}_speed_{2}_per_s": ("axis_{1}_speed_mm_per_s", "axis_{1}_speed_deg_per_s"),
     "{1}_acceleration_{2}_per_s2": ("axis_{1}_acceleration_mm_per_s2", "axis_{1}_acceleration_deg_per_s2"),
+    "{1}_jerk_{2}_per_s3": ("axis_{1}_jerk_mm_per_s3", "axis_{1}_jerk_deg_per_s3"),
     "{1}_with_{2}_on": ("rapid_with_{1}_on", "stop_with_{1}_on", "pause_with_{1}_on"),
 }
 

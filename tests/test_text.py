@@ -15,7 +15,7 @@ from post.controllers import load
 from post.source import Source
 from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import InputFault, InputRefused, printable
-from tapelayer.geometry.stl import parse_mesh
+from tapelayer.geometry.models import parse_mesh
 from tapelayer.spraying.footprint import read_profile
 from tapelayer.text import plain_text
 from tapelayer.toml_files import read_toml

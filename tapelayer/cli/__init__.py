@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 
-from tapelayer.cli import comparing, making, showing
+from tapelayer.cli import comparing, demonstrating, making, planning, showing
 from tapelayer.cli.application import app, command
 from tapelayer.dispatch import run
 from tapelayer.workbench.command import EPILOG, serve
 
-__all__ = ["app", "comparing", "main", "making", "showing"]
+__all__ = ["app", "comparing", "demonstrating", "main", "making", "planning", "showing"]
 
 command(epilog=EPILOG)(serve)
 

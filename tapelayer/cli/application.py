@@ -18,7 +18,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     help="Offline programming for a ten-axis tape layer and a spray robot: verified NC programs out of tape courses "
-    "and STL models.",
+    "and models (STL, STEP, IGES).",
     epilog="Start with: [bold]tapelayer demo[/bold], or [bold]tapelayer export COURSES.txt -o PROGRAM.nc[/bold]",
 )
 command = partial(app.command, cls=Command)

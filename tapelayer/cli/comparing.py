@@ -16,8 +16,8 @@ from tapelayer.cli.options import AsJson, LanguageName, Quiet, SetupFile, UnitNa
 from tapelayer.cli.progress_bar import ProgressBar
 from tapelayer.errors import ControllerRefused, NotWritable
 from tapelayer.jobs.contents import kind_of_source
-from tapelayer.jobs.kind import JobKind
-from tapelayer.jobs.kinds import kind_of
+from tapelayer.jobs.kind import MachineKind
+from tapelayer.jobs.kinds import machine_kind_of
 from tapelayer.reporting.quantity import quantities
 from tapelayer.reporting.words import Say
 from tapelayer.sentences import said
@@ -48,7 +48,7 @@ def compare(
 ) -> None:
     """Compare the controls: how long the program takes on each, how steadily, and with how many stops."""
     name = kind_of_source(content_at(source))
-    kind, units, spoken = kind_of(name), unit_of(unit), language_named(language)
+    kind, units, spoken = machine_kind_of(name), unit_of(unit), language_named(language)
     values = setup_of(name, setup, None, dict.fromkeys(kind.options))
     told: dict[str, dict[str, Any]] = {}
     with ProgressBar(quiet, verbose) as steps:
@@ -72,7 +72,7 @@ def compare(
         output.print(said(refusal.splitlines()[0]), highlight=False, soft_wrap=True)
 
 
-def _table(kind: JobKind, told: dict[str, dict[str, Any]], say: Say) -> Table:
+def _table(kind: MachineKind, told: dict[str, dict[str, Any]], say: Say) -> Table:
     """Return a row for each control that a program can be written for, with its figures."""
     rows = [row for row in quantities(kind.rows) if row.key in COMPARED]
     table = Table()

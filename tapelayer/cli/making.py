@@ -7,8 +7,6 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.resources import files
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -39,7 +37,7 @@ from tapelayer.cli.options import (
     typed_as,
     unit_of,
 )
-from tapelayer.cli.outputs import Outputs, bytes_of, check_outputs, make_folder, occasion_of, outputs_of
+from tapelayer.cli.outputs import Outputs, bytes_of, check_outputs, occasion_of, outputs_of
 from tapelayer.cli.progress_bar import ProgressBar
 from tapelayer.errors import (
     ControllerRefused,
@@ -55,8 +53,8 @@ from tapelayer.errors import (
 )
 from tapelayer.jobs.contents import Content, kind_of_source, source_of
 from tapelayer.jobs.job import JobResult, MachineJob
-from tapelayer.jobs.kind import Form, JobKind
-from tapelayer.jobs.kinds import KindName, kind_of, kinds
+from tapelayer.jobs.kind import Form, MachineKind
+from tapelayer.jobs.kinds import MachineKindName, machine_kind_of, machine_kinds
 from tapelayer.language import Language
 from tapelayer.reporting.subject import Occasion
 from tapelayer.reporting.words import Say
@@ -95,7 +93,7 @@ def export(
 ) -> None:
     """Plan, write, read back and verify NC programs; nothing that fails is written."""
     outputs = outputs_of(courses, target, report_file, html_file)
-    made = _Making("lay", unit_of(unit), setup, language_named(language), quiet, verbose, as_json, force)
+    made = Making("lay", unit_of(unit), setup, language_named(language), quiet, verbose, as_json, force)
     made.run(courses, outputs, controller, {"kinematics": kinematics})
 
 
@@ -129,14 +127,14 @@ def verify(
     options = {"kinematics": kinematics, "direction_deg": direction_deg, "pitch_mm": pitch_mm}
     check_order(program, source)
     name = kind_of_source(content_at(source))
-    _refuse_others(kind_of(name), options)
+    _refuse_others(machine_kind_of(name), options)
     units, spoken = unit_of(unit), language_named(language)
     (outputs,) = outputs_of([program], None, report_file, html_file)
     with ProgressBar(quiet, verbose) as steps:
         steps.begin(f"reading {source}")
         text = bytes_of(program)
         values = setup_of(name, setup, controller, options)
-        job = read_job(kind_of(name), source, values, units)
+        job = read_job(machine_kind_of(name), source, values, units)
         written = [file for file in (outputs.report, outputs.html) if file is not None]
         check_outputs(values, [program, source, setup], written, force)
         with expecting(program, Content(Form.PROGRAM)), _naming(source):
@@ -148,7 +146,7 @@ def verify(
     if as_json:
         print_json(result.report_file(occasion))
     if not quiet:
-        _conclude(result, program, notices if as_json else output, spoken)
+        conclude(result, program, notices if as_json else output, spoken)
     if result.failure:
         raise result.failure
 
@@ -157,7 +155,7 @@ def verify(
     epilog="Example: [bold]tapelayer spray hood.stl --direction-deg 90 -o hood.nc --html hood.html[/bold]",
 )
 def spray(
-    model: Annotated[list[str], typer.Argument(metavar="MODEL.stl", help="The parts' surfaces as STL.")],
+    model: Annotated[list[str], typer.Argument(metavar="MODEL.stl", help="The parts' surfaces: STL, STEP or IGES.")],
     setup: SetupFile = None,
     unit: UnitName = "mm",
     direction_deg: Direction = None,
@@ -180,26 +178,12 @@ def spray(
 ) -> None:
     """Plan, write, read back and verify spraying programs; nothing that fails is written."""
     outputs = outputs_of(model, target, report_file, html_file, trajectory_file)
-    made = _Making("spray", unit_of(unit), setup, language_named(language), quiet, verbose, as_json, force)
+    made = Making("spray", unit_of(unit), setup, language_named(language), quiet, verbose, as_json, force)
     made.run(model, outputs, controller, {"direction_deg": direction_deg, "pitch_mm": pitch_mm})
 
 
-@command(epilog="Example: [bold]tapelayer demo --into demo[/bold]")
-def demo(
-    into: Annotated[str, typer.Option("--into", metavar="FOLDER", help="Where the results go.")] = "demo",
-    force: Force = False,
-) -> None:
-    """Run the main job on an example: a cylinder panel at 15 degrees."""
-    folder = Path(into)
-    make_folder(folder, "--into")
-    example = files("tapelayer.examples").joinpath("cylinder_panel_15.txt")
-    stem = folder / "cylinder_panel_15"
-    export([str(example)], target=f"{stem}.nc", report_file=f"{stem}.json", html_file=f"{stem}.html", force=force)
-    output.print(f"open {stem}.html to look at it", highlight=False, soft_wrap=True, markup=False)
-
-
 @dataclass(frozen=True)
-class _Making:
+class Making:
     """How programs are made of sources of one kind, and what is said of them.
 
     Attributes:
@@ -213,7 +197,7 @@ class _Making:
         force: replace others' work.
     """
 
-    name: KindName
+    name: MachineKindName
     unit: Unit
     setup_file: str | None
     language: Language
@@ -223,9 +207,9 @@ class _Making:
     force: bool
 
     @property
-    def kind(self) -> JobKind:
+    def kind(self) -> MachineKind:
         """Return the kind."""
-        return kind_of(self.name)
+        return machine_kind_of(self.name)
 
     def run(
         self,
@@ -269,7 +253,7 @@ class _Making:
         if not self.quiet:
             name = Say(self.language)("the program", "程序") if outputs.to_stdout else outputs.program
             console = notices if outputs.to_stdout or self.as_json else output
-            _conclude(result, name, console, self.language)
+            conclude(result, name, console, self.language)
 
     def _make_each(self, sources: Sequence[str], outputs: Sequence[Outputs], setup: JobSetup) -> None:
         worst, told = 0, {}
@@ -314,7 +298,7 @@ class _Making:
         return result, occasion
 
 
-def read_job(kind: JobKind, source: str, setup: JobSetup, unit: Unit) -> MachineJob[Any, Any]:
+def read_job(kind: MachineKind, source: str, setup: JobSetup, unit: Unit) -> MachineJob[Any, Any]:
     """Return the job of a source."""
     with expecting(source, source_of(kind.source.form)), expecting(setup.output.controller, Content(Form.CONTROLLER)):
         return kind.read(source, setup, unit)
@@ -337,7 +321,7 @@ def _named(source: str, error: TapelayerError) -> SourceRefused:
     return named
 
 
-def _conclude(result: JobResult[Any], name: str, console: Console, language: Language) -> None:
+def conclude(result: JobResult[Any], name: str, console: Console, language: Language) -> None:
     """Print the summary and the notes of a result, and a last line if it passed."""
     console.print(result.summary(language))
     for note in result.notes(language):
@@ -360,10 +344,10 @@ def print_json(text: bytes) -> None:
 
 
 def setup_of(
-    name: KindName, setup_file: str | None, controller: str | None, options: Mapping[str, str | None]
+    name: MachineKindName, setup_file: str | None, controller: str | None, options: Mapping[str, str | None]
 ) -> JobSetup:
     """Return the setup of a file, or the default one, with the options in place of its values."""
-    kind = kind_of(name)
+    kind = machine_kind_of(name)
     with expecting(setup_file, Content(Form.SETUP, name)):
         setup = read_setup(setup_file, kind.setup) if setup_file else kind.setup.model_validate({})
     if controller is not None:
@@ -385,9 +369,9 @@ def _number_or_word(text: str) -> float | str:
         return text
 
 
-def _refuse_others(kind: JobKind, options: Mapping[str, object]) -> None:
+def _refuse_others(kind: MachineKind, options: Mapping[str, object]) -> None:
     """Refuse options that apply to another kind's sources only."""
-    for other in kinds():
+    for other in machine_kinds():
         for name in other.options:
             if name not in kind.options and options[name] is not None:
                 raise OptionRefused.because(_flag(name), f"belongs to {other.source.plural}; leave it out here")

@@ -52,9 +52,13 @@ def check_form(file: str, wanted: Content) -> None:
 def _misfit(file: str, wanted: Content) -> str:
     """Return what a file is and the command that fits; empty where nothing else is known than what was wanted."""
     content = content_at(file)
-    if content.form in (wanted.form, Form.UNKNOWN, Form.BINARY) and content.kind in (wanted.kind, None):
+    if content.form.read_as in (wanted.form, Form.UNKNOWN, Form.BINARY) and content.kind in (wanted.kind, None):
         return ""
-    if content.form in _MAKES and wanted.form is Form.PROGRAM:
+    if wanted.form is Form.SETUP and wanted.kind is not None:
+        kind = kind_of(wanted.kind)
+        if kind.source.form is content.form.read_as and (place := kind.source.settings.get("name")):
+            return f'this is {content.words}: name it in {kind.setup_name}: [{place.section}] {place.key} = "{file}"'
+    if content.form.read_as in _MAKES and wanted.form is Form.PROGRAM:
         return _first_the_program(content, f"tapelayer verify PROGRAM.nc {shlex.quote(file)}")
     advice = _advice(content, file)
     return f"this is {content.words}: {advice}" if advice else f"this is {content.words}; expected {wanted.words}"
@@ -67,7 +71,7 @@ def check_order(program: str, source: str) -> None:
         ProgramRefused: the source stands first.
     """
     first, second = content_at(program), content_at(source)
-    if first.form in _MAKES and second.form is Form.PROGRAM:
+    if first.form.read_as in _MAKES and second.form is Form.PROGRAM:
         command = f"tapelayer verify {shlex.quote(source)} {shlex.quote(program)}"
         raise ProgramRefused(program, [InputFault(0, _first_the_program(first, command))])
 
@@ -80,11 +84,10 @@ def _advice(content: Content, file: str) -> str:
     """Return what to do with a file; empty where no command takes it."""
     quoted = shlex.quote(file)
     if content.form is Form.SETUP and content.kind is not None:
-        command, source = _MAKES[kind_of(content.kind).source.form]
-        return f"tapelayer {command} {source} --setup {quoted}"
-    match content.form:
+        return kind_of(content.kind).command.format(quoted)
+    match form := content.form.read_as:
         case Form.COURSES | Form.MODEL:
-            return f"tapelayer {_MAKES[content.form][0]} {quoted}"
+            return f"tapelayer {_MAKES[form][0]} {quoted}"
         case Form.PROGRAM:
             return f"tapelayer verify {quoted} COURSES.txt"
         case Form.SETUP:
@@ -93,9 +96,11 @@ def _advice(content: Content, file: str) -> str:
             return f"tapelayer export COURSES.txt --controller {quoted}"
         case Form.MACHINE:
             return f'name it in a setup: [machine] urdf = "{file}"'
+        case Form.BOUNDARY | Form.DXF:
+            return f'name it in a ply file: [ply] boundary = "{file}"'
         case Form.POSES:
             return "spray --trajectory writes it, and no command reads it"
-        case Form.STEP | Form.MESH:
+        case Form.MESH:
             return "export the part as STL, then: tapelayer spray MODEL.stl"
         case Form.ARCHIVE:
             return "unpack it first"

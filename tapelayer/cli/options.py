@@ -11,7 +11,7 @@ import typer
 
 from post import controllers
 from tapelayer.errors import InputFault, InputRefused, SetupRefused
-from tapelayer.jobs.kinds import NAMES, KindName
+from tapelayer.jobs.kinds import MACHINE_NAMES, NAMES, KindName, MachineKindName
 from tapelayer.language import LANGUAGES, Language, language_of
 from tapelayer.units import Unit
 
@@ -126,6 +126,19 @@ def kind_name(text: str) -> KindName:
         OptionRefused: there is no such kind.
     """
     return cast(KindName, _one_of("--kind", text, NAMES))
+
+
+def machine_kind_name(text: str) -> MachineKindName:
+    """Return the name of a kind of machine.
+
+    Raises:
+        OptionRefused: there is no such kind.
+
+    Examples:
+        >>> machine_kind_name("spray")
+        'spray'
+    """
+    return cast(MachineKindName, _one_of("--kind", text, MACHINE_NAMES))
 
 
 def language_named(text: str | None) -> Language:

@@ -15,13 +15,23 @@ from rich.text import Text
 from post import controllers
 from tapelayer.cli.application import command, output
 from tapelayer.cli.misfits import content_at, expecting
-from tapelayer.cli.options import Courses, Kind, LanguageName, SetupFile, UnitName, kind_name, language_named, unit_of
+from tapelayer.cli.options import (
+    Courses,
+    Kind,
+    LanguageName,
+    SetupFile,
+    UnitName,
+    kind_name,
+    language_named,
+    machine_kind_name,
+    unit_of,
+)
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import read_courses
 from tapelayer.jobs.contents import Content, source_of
 from tapelayer.jobs.job import machine_of
 from tapelayer.jobs.kind import Form
-from tapelayer.jobs.kinds import NAMES, kind_of
+from tapelayer.jobs.kinds import MACHINE_NAMES, NAMES, MachineKindName, kind_of, machine_kind_of
 from tapelayer.reporting.summary import explained
 from tapelayer.reporting.words import Say
 from tapelayer.sentences import said
@@ -56,7 +66,7 @@ def setup(
 ) -> None:
     """Print the default setup as a commented TOML file."""
     chosen = kind_of(kind_name(kind))
-    sys.stdout.write(whole_text(chosen.setup.model_validate({}), chosen.title))
+    sys.stdout.write(whole_text(chosen.first_setup(), chosen.title))
 
 
 @command(epilog="Example: [bold]tapelayer quantities --kind spray[/bold]")
@@ -66,7 +76,7 @@ def quantities(
 ) -> None:
     """Explain every number of a report: its unit, its limit in the setup and its meaning."""
     chosen = kind_of(kind_name(kind))
-    limits = chosen.limits(chosen.setup.model_validate({}))
+    limits = chosen.limits(chosen.first_setup())
     output.print(explained(chosen.rows, limits, Say(language_named(language))))
 
 
@@ -76,13 +86,15 @@ def machine(
     kind: Annotated[
         str | None,
         typer.Option(
-            "--kind", metavar="|".join(NAMES), help=r"The job: tape laying or spraying. \[default: the setup's, or lay]"
+            "--kind",
+            metavar="|".join(MACHINE_NAMES),
+            help=r"The job: tape laying or spraying. \[default: the setup's, or lay]",
         ),
     ] = None,
 ) -> None:
     """Show the machine of a kind of job: axes, travel, speeds and the lengths of its closed form."""
-    name = kind_name(kind) if kind is not None else (content_at(setup).kind if setup else None) or NAMES[0]
-    chosen = kind_of(name)
+    name = machine_kind_name(kind) if kind is not None else _machine_kind_of(setup)
+    chosen = machine_kind_of(name)
     with expecting(setup, Content(Form.SETUP, name)):
         values = read_setup(setup, chosen.setup) if setup else chosen.setup.model_validate({})
     model = machine_of(values, chosen.machine.urdf)
@@ -105,6 +117,12 @@ def list_controllers() -> None:
     for name in controllers.names():
         table.add_row(name, controllers.load(name).title)
     output.print(table)
+
+
+def _machine_kind_of(setup: str | None) -> MachineKindName:
+    """Return the kind of machine that a setup is for: the first one where it is for none, or for several."""
+    kind = content_at(setup).kind if setup else None
+    return next((name for name in MACHINE_NAMES if name == kind), MACHINE_NAMES[0])
 
 
 def _inspected(course: Course) -> list[str]:

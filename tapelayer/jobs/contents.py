@@ -12,9 +12,11 @@ from typing import get_args
 import numpy as np
 
 from post.controllers.table import Controller
+from tapelayer.geometry.brep import is_iges, is_step
 from tapelayer.geometry.stl import HEADER_BYTES, RECORD
 from tapelayer.jobs.kind import Form
-from tapelayer.jobs.kinds import NAMES, KindName, kind_of
+from tapelayer.jobs.kinds import MACHINE_NAMES, NAMES, KindName, MachineKindName, kind_of
+from tapelayer.setups.sections import Settings
 from tapelayer.text import beginning
 
 # As much as tells what a file is.
@@ -56,7 +58,7 @@ class Content:
         """
         if self.form is not Form.SETUP or self.kind is None:
             return self.form.value
-        return f"a {kind_of(self.kind).title.removeprefix('Setup of a ').removesuffix(' job')} setup"
+        return kind_of(self.kind).setup_name
 
 
 # Beginnings that no text of ours has.
@@ -72,7 +74,6 @@ _SIGNATURES = (
     (b"ply\n", Form.MESH),
     (b"ply\r", Form.MESH),
     (b"glTF", Form.MESH),
-    (b"ISO-10303-21", Form.STEP),
 )
 _TEXTS = (
     (re.compile(r"\A(?:[ \t]*(?:#[^\n]*)?\n)*(?:mtllib |[og] [A-Za-z_]|v +[-+.\d])"), Form.MESH),
@@ -101,11 +102,14 @@ def content_of(data: bytes, size: int | None = None) -> Content:
     text = _text(data[:HEAD_BYTES])
     if text is None and _is_binary_stl(data, len(data) if size is None else size):
         return source_of(Form.MODEL)
+    for knows, form in ((is_step, Form.STEP), (is_iges, Form.IGES)):
+        if knows(data):
+            return source_of(form)
     for signature, form in _SIGNATURES:
         if data.startswith(signature):
             return Content(form)
     if text is None:
-        return Content(Form.BINARY)
+        return Content(_further(data) or Form.BINARY)
     for pattern, form in _TEXTS:
         if pattern.search(text):
             return Content(form)
@@ -116,6 +120,8 @@ def content_of(data: bytes, size: int | None = None) -> Content:
     bare = re.sub(r"#[^\n]*", "", text)
     if _START.search(bare):
         return source_of(Form.COURSES)
+    if further := _further(text.encode()):
+        return Content(further)
     return _table(text) or Content(Form.PROGRAM if _is_program(text) else Form.UNKNOWN)
 
 
@@ -129,17 +135,26 @@ def content_of_file(path: Path | str) -> Content:
         return content_of(file.read(HEAD_BYTES), os.fstat(file.fileno()).st_size)
 
 
-def kind_of_source(content: Content) -> KindName:
+def kind_of_source(content: Content) -> MachineKindName:
     """Return the kind that makes programs from a source, or that says best why it can make none."""
-    if content.kind is not None and content.form is not Form.SETUP:
-        return content.kind
-    binary = content.form is Form.BINARY
-    return next(name for name in NAMES if kind_of(name).source.form is (Form.MODEL if binary else Form.COURSES))
+    likely = Form.MODEL if content.form is Form.BINARY else Form.COURSES
+    return _maker(content.form) or _maker(likely) or MACHINE_NAMES[0]
 
 
 def source_of(form: Form) -> Content:
     """Return the content of a file that programs are made from, with the kind that makes them."""
-    return Content(form, next((name for name in NAMES if kind_of(name).source.form is form), None))
+    return Content(form, _maker(form))
+
+
+def _maker(form: Form) -> MachineKindName | None:
+    """Return the kind that makes programs from files of a form; None where none does."""
+    return next((name for name in MACHINE_NAMES if kind_of(name).source.form is form.read_as), None)
+
+
+def _further(data: bytes) -> Form | None:
+    """Return the form of a file that a setup of some kind may name; None where no kind knows it."""
+    known = (item for name in NAMES for item in kind_of(name).further.items())
+    return next((form for form, knows in known if knows(data)), None)
 
 
 def _is_binary_stl(data: bytes, size: int) -> bool:
@@ -165,12 +180,18 @@ def _table(text: str) -> Content | None:
     """Return the kind of TOML table in a text: the one that knows most of its keys; None where none knows any."""
     keys = list(_keys(text))
     known = {Content(Form.CONTROLLER): _controller_keys()}
-    known |= {Content(Form.SETUP, name): _setup_keys(name) for name in NAMES}
+    for name in NAMES:
+        setup = kind_of(name).setup
+        needed = {(section, "") for section, field in setup.model_fields.items() if field.is_required()}
+        # Other setups may have sections of the same names beside those that this one cannot be without.
+        if not needed or needed & set(keys):
+            known[Content(Form.SETUP, name)] = _keys_of(setup)
     scores = {content: sum(key in own for key in keys) for content, own in known.items()}
     most = max(scores.values())
     best = [content for content, score in scores.items() if score == most]
     if not most or 2 * most < len(keys):
         return None
+    # A file that has nothing but keys of several is a setup.
     return best[0] if len(best) == 1 else Content(Form.SETUP)
 
 
@@ -185,12 +206,8 @@ def _keys(text: str) -> Iterator[tuple[str, str]]:
             yield section, key[1]
 
 
-def _setup_keys(name: KindName) -> set[tuple[str, str]]:
-    return {
-        (section, key)
-        for section, field in kind_of(name).setup.model_fields.items()
-        for key in ("", *_inner(field.annotation))
-    }
+def _keys_of(model: type[Settings]) -> set[tuple[str, str]]:
+    return {(section, key) for section, field in model.model_fields.items() for key in ("", *_inner(field.annotation))}
 
 
 def _controller_keys() -> set[tuple[str, str]]:

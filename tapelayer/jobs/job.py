@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,21 +10,20 @@ from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
-from rich.table import Table
 
 from post import program, reader
 from post.controllers import Controller
 from tapelayer.arrays import Floats
 from tapelayer.errors import ModelRefused, VerificationFailed
 from tapelayer.jobs.part_names import part_names, placed
+from tapelayer.jobs.result import UNTOLD, Result
 from tapelayer.jobs.stages import READING_BACK, VERIFYING, VERIFYING_PLAN, WRITING
-from tapelayer.language import Language
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.corners import Rule
 from tapelayer.motion.time_law import Limits
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import UNSEEN, Steps, Tick, silent
-from tapelayer.provenance import VERSION, NamedFile, Provenance, sealed
+from tapelayer.provenance import VERSION, NamedFile, Provenance
 from tapelayer.reporting.not_judged import unjudged
 from tapelayer.reporting.subject import Occasion, Subject
 from tapelayer.reporting.words import Words
@@ -38,12 +36,10 @@ from tapelayer.verification.verified import Verified, failure_of
 Plan = TypeVar("Plan")
 Evidence = TypeVar("Evidence", bound=Findings)
 
-UNTOLD = Occasion()
-
 
 @dataclass(frozen=True, eq=False)
-class JobResult(ABC, Generic[Evidence]):
-    """The result of a job: a program, and the measurements made when judging it.
+class JobResult(Result, Generic[Evidence]):
+    """The result of a machine's job: a program, and the measurements made when judging it.
 
     Attributes:
         trajectory: as read back from the text; as planned where already the plan failed.
@@ -64,40 +60,14 @@ class JobResult(ABC, Generic[Evidence]):
         """Why the program may not be used; None where it passed."""
         return failure_of(self.evidence)
 
-    @abstractmethod
-    def numbers(self) -> dict[str, Any]:
-        """Return the verdict and all that was measured, as plain values for JSON."""
-
-    @abstractmethod
-    def summary(self, language: Language = "en") -> Table:
-        """Return the report as a table for a terminal."""
-
-    @abstractmethod
-    def page(self, occasion: Occasion = UNTOLD, language: Language = "en") -> str:
-        """Return the report as one HTML page with plots, titled with the program's name."""
+    def told(self) -> dict[str, Any]:
+        """Return the control that the program is for."""
+        return {"controller": self.job.setup.output.controller}
 
     def report(self, occasion: Occasion = UNTOLD) -> dict[str, Any]:
         """Return the report as plain values for JSON: the same for the same job, program and occasion."""
         subject = self.job.subject(occasion, self.evidence.program_sha256).values()
         return {"version": VERSION, "subject": subject, **self.numbers()}
-
-    def report_file(self, occasion: Occasion = UNTOLD) -> bytes:
-        """Return the report as the bytes of a JSON file, with the hash of its own text as the last key."""
-        text = json.dumps(self.report(occasion), indent=2, allow_nan=False).removesuffix("\n}").encode() + b",\n}\n"
-        return sealed(text, len(text) - len("}\n"), '  "text_sha256": "', '"')
-
-    def page_file(self, occasion: Occasion = UNTOLD, language: Language = "en") -> bytes:
-        """Return the report as the bytes of an HTML file, with the hash of its own text as the last comment."""
-        text = self.page(occasion, language).encode()
-        return sealed(text, len(text), "<!-- text sha256: ", " -->")
-
-    def notes(self, language: Language = "en") -> tuple[str, ...]:
-        """Return sentences to print beside the report's table."""
-        return ()
-
-    def files(self) -> Mapping[str, bytes]:
-        """Return the contents of further files, by file name."""
-        return {}
 
 
 @dataclass(frozen=True, eq=False)

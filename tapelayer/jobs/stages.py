@@ -28,6 +28,9 @@ WRITING = Stage("writing", Words("Writing the program", "写出程序"))
 READING_BACK = Stage("reading back", Words("Reading the program back", "回读程序"))
 VERIFYING = Stage("verifying", Words("Verifying the program", "校验程序"))
 COATING = Stage("measuring the coat", Words("Measuring the coat", "计算涂层厚度"))
+FITTING = Stage("fitting the mould", Words("Fitting the mould", "拟合模具"))
+PLANNING_COURSES = Stage("planning courses", Words("Planning the courses", "规划道次"))
+JUDGING = Stage("judging", Words("Judging the courses", "校验道次"))
 SAVING = Stage("saving", Words("Saving", "保存"))
 
 # The stages of a job in order, with their approximate shares of its time.

@@ -273,7 +273,7 @@ def _laid(
     stroke = stroke.to(task.lifted(stroke.end), at_speed(task.lift, task.lay_speed), length)
     if course == len(tape) - 1:
         stroke = _fed(task, stroke, np.array([tape.laying[-1, 1], len(tape.steps)]), float(stroke.end[task.u]))
-    return task.control.blocks(_heated(task, stroke, task.control.times(stroke), first, last))
+    return task.control.blocks(_heated(task, stroke, first, last))
 
 
 def _laying(task: LayingTask, course: int, joints: Floats, arcs: Floats, roller_down: float) -> Stroke:
@@ -387,9 +387,12 @@ def _seconds(task: LayingTask, joints: Floats, arcs: Floats, fastest: Floats) ->
     return np.append(0.0, lengths / speeds)
 
 
-def _heated(task: LayingTask, stroke: Stroke, times: Floats, first: int, last: int) -> Stroke:
+def _heated(task: LayingTask, stroke: Stroke, first: int, last: int) -> Stroke:
     """Return the stroke with the heater off during long stops of its laying, from node `first` to `last`."""
     resting = np.diff(stroke.joints[first : last + 1, task.u]) == 0.0
+    if not np.any(resting):
+        return stroke
+    times = task.control.times(stroke)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], resting.astype(np.int8), [0]])))
     for begin, end in (first + edges.reshape(-1, 2)).tolist():
         if times[end] - times[begin] > task.setup.head.heater_stop_s:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 
 import numpy as np
@@ -93,7 +94,7 @@ class _KnifePass:
     half: float
     reach: float
 
-    @property
+    @cached_property
     def _cutting(self) -> tuple[_Track, _Track]:
         """Return what must keep to a line: the sweep as programmed, and as the control rounds it off over the tape."""
         return self.programmed.over(self.reach), self.rounded.over(self.half)

@@ -54,8 +54,10 @@ class DrivenCourse:
 
     def places(self, fed: Floats) -> Floats:
         """Return the arc lengths (n,) at which (n,) metres of tape, counted from the course's station, are fed."""
-        places = np.clip(fed, 0.0, self.length)
-        # The tape fed and the arc length differ by the wrap only, which hardly changes: each step leaves a share of it.
+        # Between the file's points the wrap hardly bends, and each step leaves a share of what is off.
+        points = self.motion.at_points
+        reached = np.maximum.accumulate(points.arc_lengths - self.shortened(points))
+        places = np.interp(fed, reached, points.arc_lengths)
         for _ in range(PLACE_STEPS):
             poses = self.motion.poses(places)
             nearer = np.clip(fed + self.shortened(poses), 0.0, self.length)

@@ -209,11 +209,16 @@ class Inspector(Judge[Evidence]):
             block_ends=places.ends,
         )
 
+    @property
+    def _longest_heated(self) -> float:
+        """Seconds by which tape may be heated longer than it must be."""
+        return self.setup.head.heater_stop_s + MOMENTS
+
     def _heated(self, trajectory: Trajectory, layings: Sequence[Laying]) -> Floats:
         """Return the seconds (n,) by which the tape up to each block's end is heated longer than it must be."""
         heater = _switches(self.setup.head.delays_ms)["heater"]
-        speeds = np.array([axis.speed for axis in self.axes])
-        return heated_too_long(trajectory, layings, heater, self.setup.process.lay_speed_mm_per_s * MM, speeds)
+        speed = self.setup.process.lay_speed_mm_per_s * MM
+        return heated_too_long(trajectory, layings, heater, speed, self._axis_limits, self.rule, self._longest_heated)
 
     def _judged(
         self, trajectory: Trajectory, samples: Samples, blocks: Ints, digits: Floats, heated: Floats
@@ -244,7 +249,7 @@ class Inspector(Judge[Evidence]):
         speeds = self._lay_speeds(trajectory, samples, blocks, doubt)
         lay_speed = self.setup.process.lay_speed_mm_per_s * (1 + NIP_SPEED_MARGIN)
         judged.append(("lay_speed_mm_per_s", speeds / MM, lay_speed))
-        judged.append(("heater_time_s", heated, self.setup.head.heater_stop_s + MOMENTS))
+        judged.append(("heater_time_s", heated, self._longest_heated))
         worst = []
         for what, values, limit in judged:
             for row in _worst(samples.courses, values, limit).tolist():

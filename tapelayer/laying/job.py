@@ -16,8 +16,9 @@ from post.controllers import Controller, load
 from tapelayer.courses.course import Course
 from tapelayer.courses.course_file import parse_courses
 from tapelayer.errors import CourseFileRefused
-from tapelayer.jobs.job import UNTOLD, JobResult, MachineJob, is_timed, machine_of
+from tapelayer.jobs.job import JobResult, MachineJob, is_timed, machine_of
 from tapelayer.jobs.part_size import check_size
+from tapelayer.jobs.result import UNTOLD
 from tapelayer.jobs.stages import PLANNING
 from tapelayer.language import Language
 from tapelayer.laying import page

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tapelayer.jobs.kind import BuiltIn, Form, JobKind, Option, Source
+from tapelayer.jobs.kind import BuiltIn, Form, MachineKind, Option, Source
 from tapelayer.jobs.stages import PLANNING, READING, READING_BACK, SAVING, VERIFYING, VERIFYING_PLAN, WRITING
 from tapelayer.laying.job import Job
 from tapelayer.laying.limits import limits_of
@@ -21,9 +21,11 @@ def _lengths(machine: Machine) -> dict[str, float]:
     return {"l4": head.l4, "l5": head.l5, "l6": head.l6, "roller radius": head.radius}
 
 
-KIND = JobKind(
+KIND = MachineKind(
     name="lay",
     title="Setup of a tape-laying job",
+    setup_name="a tape-laying setup",
+    command="tapelayer export COURSES.txt --setup {}",
     machine=BuiltIn(
         name="tapelayer",
         title="ten-axis tape-laying gantry",
@@ -41,6 +43,7 @@ KIND = JobKind(
     job=Job.of,
     read=Job.read,
     rows=ROWS,
+    summary=("blocks", "courses", "duration_s", "max_position_error_mm"),
     limits=limits_of,
     not_judged=unjudged(timed=True),
     making={READING: 4, PLANNING: 25, VERIFYING_PLAN: 13, WRITING: 2, READING_BACK: 2, VERIFYING: 12, SAVING: 42},

@@ -96,6 +96,7 @@ class _SequenceJudge:
         self.roller_words = {
             event: self._words(event, self.delays.roller) for event in (Event.ROLLER_DOWN, Event.ROLLER_UP)
         }
+        self.sampled = trajectory.progress(case.samples.times)
         self.lag = head.aux_roller_lag_mm * MM
         self.run_out_length = self.lag if head.run_out == "tangent" else 0.0
         self.approach = process.approach_mm * MM
@@ -214,7 +215,7 @@ class _SequenceJudge:
         first, last = np.searchsorted(self.samples.courses, [gap.behind, gap.behind + 1])
         # Distance of the roller over time: along the course, then beyond its end.
         beyond = np.linalg.norm(gap.centres - gap.centres[0], axis=1)
-        times = self.trajectory.progress(np.append(self.samples.times[first:last], gap.times))
+        times = np.append(self.sampled[first:last], self.trajectory.progress(gap.times))
         path = np.append(self.samples.arc_lengths[first:last], self.samples.arc_lengths[last - 1] + beyond)
         following = self.courses[gap.behind + 1].begin if gap.behind + 1 < len(self.courses) else np.inf
         for event, name, place in (

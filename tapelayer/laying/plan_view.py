@@ -11,16 +11,7 @@ import numpy as np
 from tapelayer.arrays import Floats, Ints, Mask
 from tapelayer.laying.evidence import Evidence
 from tapelayer.reporting.drawing import element, heading_of, polyline, px, svg
-from tapelayer.reporting.map_marks import (
-    COLOURS,
-    MarkPlaces,
-    arrowhead,
-    colour_bar,
-    foot,
-    heading,
-    plan_panel,
-    scale_bar,
-)
+from tapelayer.reporting.map_marks import COLOURS, arrows, colour_bar, foot, number_labels, plan_panel, scale_bar
 from tapelayer.reporting.words import ENGLISH, Say, plain
 from tapelayer.units import MM
 
@@ -80,8 +71,9 @@ def plan_view(evidence: Evidence, say: Say = ENGLISH) -> list[Element]:
         if pieces:
             style = f"line course e{colour}" if colour < COLOURS else "line course over"
             nodes.append(element("path", d=pieces, transform="scale(.1)", class_=style))
-    nodes += _arrows(strips)
-    nodes += _labels(strips)
+    paths = [strip.points for strip in strips]
+    nodes += arrows(paths)
+    nodes += number_labels([strip.number for strip in strips], paths)
     nodes += _worst_place(pixels, errors)
     nodes.append(scale_bar(panel, scale))
     bar = (panel.left + panel.width + 24, panel.top)
@@ -135,31 +127,6 @@ def _pieces(strip: _CourseStrip, colour: int) -> str:
         return ""
     runs = np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1)
     return "".join(_outline(strip.points[run[0] : run[-1] + 2]) for run in runs)
-
-
-def _arrows(strips: Sequence[_CourseStrip]) -> list[Element]:
-    """Return an arrowhead in the middle of each course, without those that would overlap."""
-    nodes = []
-    places = MarkPlaces(10.0)
-    for strip in strips:
-        middle = len(strip.points) // 2
-        begin, end = strip.points[middle - 1], strip.points[middle]
-        ahead = heading(begin, end)
-        if places.take((begin + end) / 2, 5.0):
-            path = arrowhead((begin + end) / 2 + 5 * ahead, ahead, 10, 4)
-            nodes.append(element("path", d=path, class_="arrow"))
-    return nodes
-
-
-def _labels(strips: Sequence[_CourseStrip]) -> list[Element]:
-    """Return the course numbers before the courses' starts, without those that would overlap."""
-    nodes = []
-    places = MarkPlaces(11.0)
-    for strip in strips:
-        across, down = strip.points[0] - 9 * heading(strip.points[0], strip.points[1])
-        if places.take(np.array([across, down]), 3.5 * len(str(strip.number)) + 3):
-            nodes.append(element("text", str(strip.number), x=px(across), y=px(down + 4), class_="number middle"))
-    return nodes
 
 
 def _worst_place(pixels: Floats, errors: Floats) -> list[Element]:

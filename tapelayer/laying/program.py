@@ -22,7 +22,7 @@ from tapelayer.machines import gantry
 from tapelayer.machines.machine import Machine
 from tapelayer.motion.corners import Rule
 from tapelayer.motion.planned_blocks import PlannedBlocks
-from tapelayer.motion.time_law import timed
+from tapelayer.motion.time_law import timed, within_reach
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.units import MM
@@ -89,7 +89,8 @@ def plan(
             "the highest course point; lower the part with [part] l3_mm"
         )
     written = replace(blocks, joints=rule.written(blocks.joints))
-    return timed(written.trajectory(machine.names, indices), task.limits, rule)
+    planned = timed(written.trajectory(machine.names, indices), task.limits, rule)
+    return within_reach(planned, task.limits, rule)
 
 
 def _least_link(driven: Sequence[DrivenCourse], setup: Setup, machine: Machine) -> float:

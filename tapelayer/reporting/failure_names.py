@@ -10,8 +10,10 @@ from tapelayer.reporting.words import Say
 from tapelayer.sentences import translated
 
 # What is wrong with an axis; the sentences of failures tell its value.
-OF_AXES = {"_speed": "超速", "_acceleration": "加速度超限", None: "超出行程"}
+OF_AXES = {"_speed": "超速", "_acceleration": "加速度超限", "_jerk": "加加速度超限", None: "超出行程"}
 UNITS = {
+    "_mm_per_s3": "mm/s3",
+    "_deg_per_s3": "deg/s3",
     "_mm_per_s2": "mm/s2",
     "_deg_per_s2": "deg/s2",
     "_mm_per_s": "mm/s",
@@ -62,7 +64,7 @@ def _chinese(stem: str, what: str, rows: Sequence[Row[Measured]]) -> str:
     measured = next((row.words.zh for row in quantities(rows) if row.failure == what), None)
     if measured:
         return measured
-    if axis := re.fullmatch(r"axis_(.+?)(_speed|_acceleration)?", stem):
+    if axis := re.fullmatch(r"axis_(.+?)(_speed|_acceleration|_jerk)?", stem):
         return f"{axis[1]} 轴{OF_AXES[axis[2]]}"
     told = translated(what, "zh")
     # The unit stands beside the name, as in English.

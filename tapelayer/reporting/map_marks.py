@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -18,12 +18,21 @@ WIDTH, HEIGHT = 760.0, 560.0
 MARKS = 280.0
 
 
-def plan_panel(low: Floats, high: Floats) -> tuple[Panel, float]:
-    """Return the panel of a plan to scale from corner (2,) to corner (2,) in mm, and its pixels per millimetre."""
-    scale = float(min(WIDTH / (high[0] - low[0]), HEIGHT / (high[1] - low[1])))
+def plan_panel(
+    low: Floats, high: Floats, left: float = 64.0, largest: tuple[float, float] = (WIDTH, HEIGHT)
+) -> tuple[Panel, float]:
+    """Return the panel of a plan to scale from corner (2,) to corner (2,) in mm, and its pixels per millimetre.
+
+    Args:
+        low: least x and y.
+        high: greatest x and y.
+        left: of the panel, pixels.
+        largest: width and height that it does not exceed, pixels.
+    """
+    scale = float(min(largest[0] / (high[0] - low[0]), largest[1] / (high[1] - low[1])))
     size = (high - low) * scale
     spans = (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
-    return Panel(64, 18, round(size[0]), round(size[1]), *spans), scale
+    return Panel(left, 18, round(size[0]), round(size[1]), *spans), scale
 
 
 def heading(begin: Floats, end: Floats) -> Floats:
@@ -69,6 +78,31 @@ def arrowhead(tip: Floats, ahead: Floats, length: float, half_width: float) -> s
     left = np.array([ahead[1], -ahead[0]])
     corners = (tip, tip - length * ahead + half_width * left, tip - length * ahead - half_width * left)
     return "M" + "L".join(f"{px(x)} {px(y)}" for x, y in corners) + "z"
+
+
+def arrows(paths: Sequence[Floats]) -> list[Element]:
+    """Return an arrowhead in the middle of each path (n, 2) in pixels, without those that would overlap."""
+    nodes = []
+    places = MarkPlaces(10.0)
+    for points in paths:
+        middle = len(points) // 2
+        begin, end = points[middle - 1], points[middle]
+        ahead = heading(begin, end)
+        if places.take((begin + end) / 2, 5.0):
+            path = arrowhead((begin + end) / 2 + 5 * ahead, ahead, 10, 4)
+            nodes.append(element("path", d=path, class_="arrow"))
+    return nodes
+
+
+def number_labels(numbers: Sequence[int], paths: Sequence[Floats]) -> list[Element]:
+    """Return numbers before the starts of paths (n, 2) in pixels, without those that would overlap."""
+    nodes = []
+    places = MarkPlaces(11.0)
+    for number, points in zip(numbers, paths, strict=True):
+        across, down = points[0] - 9 * heading(points[0], points[1])
+        if places.take(np.array([across, down]), 3.5 * len(str(number)) + 3):
+            nodes.append(element("text", str(number), x=px(across), y=px(down + 4), class_="number middle"))
+    return nodes
 
 
 def colour_bar(

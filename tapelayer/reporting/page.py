@@ -11,6 +11,7 @@ from tapelayer.reporting.drawing import element, px, svg, table
 from tapelayer.reporting.failure_names import failure_name
 from tapelayer.reporting.not_judged import sentence
 from tapelayer.reporting.quantity import Group, Measured, Quantity, Row, quantities
+from tapelayer.reporting.subject import product_of
 from tapelayer.reporting.words import NOT_FINITE, NOT_JUDGED, Say, Words, plain, shown
 from tapelayer.verification.axis_use import AxisUse
 from tapelayer.verification.limits import Limits
@@ -40,7 +41,7 @@ def document(report: dict[str, Any], verdict: Element, sections: Sequence[Elemen
         style: more CSS.
     """
     subject = report["subject"]
-    name = subject["program"]["name"] or subject["sources"][0]["name"] or ""
+    name = product_of(subject)["name"] or subject["sources"][0]["name"] or ""
     title = say("Verification of ", "校验报告：")
     header = element("header", element("h1", title, element("span", name, class_="name")), verdict)
     head = element(
@@ -217,8 +218,10 @@ def _quantity_cells(row: Quantity[Measured], value: float | None, limits: Limits
     limit = limits.get(row.key)
     if limit is None:
         return [*cells, "", element("span", say.words(NOT_JUDGED), class_="open") if row.optional else "", ""]
-    share = "" if value is None else f"{value / limit.value:,.0%}"
-    bar = range_bar(0.0, value, 0.0, limit.value, not limit.kept(value))
+    # Of a limit of zero or less nothing is a share.
+    drawn = limit.value > 0.0
+    share = f"{value / limit.value:,.0%}" if value is not None and drawn else ""
+    bar = range_bar(0.0, value, 0.0, limit.value, not limit.kept(value)) if drawn else ""
     bound = f"{say('at least ', '不小于 ') if limit.least else ''}{plain(limit.value)}"
     return [*cells, bound, share if limit.judged else f"{share}{say(', ', '，')}{say.words(NOT_JUDGED)}", bar]
 
@@ -231,7 +234,7 @@ def meanings(rows: Sequence[Row[Measured]], say: Say) -> list[Element]:
 
 
 def axes_table(axes: Sequence[AxisUse], report: dict[str, Any], say: Say) -> Element:
-    """Return the table of travel, top speed and top acceleration of every axis.
+    """Return the table of travel, top speed, acceleration and jerk of every axis.
 
     Args:
         axes: in the order of the machine.
@@ -240,12 +243,11 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any], say: Say) -> Ele
     """
     # A speed may exceed its limit by the last digit of a feed word, so verification decides what is red.
     failed = {failure["what"] for failure in report["failures"]}
-    absent = say("not measured", "未测得")
+    absent, none = say("not measured", "未测得"), say("none stated", "未给出")
     rows: list[Cells] = []
     for axis in axes:
         use = report["axes"][axis.name]
-        travel, speed, _ = axis.failures
-        stated = use["acceleration_limit"]
+        travel, speed, *_ = axis.failures
         rows.append(
             [
                 axis.name,
@@ -258,7 +260,9 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any], say: Say) -> Ele
                 plain(use["speed_limit"]),
                 range_bar(0.0, use["max_speed"], 0.0, use["speed_limit"], speed in failed),
                 shown(use["max_acceleration"], "", "z,.0f", absent),
-                say("none stated", "未给出") if stated is None else plain(stated),
+                none if use["acceleration_limit"] is None else plain(use["acceleration_limit"]),
+                shown(use["max_jerk"], "", "z,.0f", absent),
+                none if use["jerk_limit"] is None else plain(use["jerk_limit"]),
             ]
         )
     headings = (
@@ -274,6 +278,8 @@ def axes_table(axes: Sequence[AxisUse], report: dict[str, Any], say: Say) -> Ele
         say("speed drawn", "速度图"),
         say("top acceleration /s²", "最高加速度 /s²"),
         say("limit /s²", "限值 /s²"),
+        say("top jerk /s³", "最高加加速度 /s³"),
+        say("limit /s³", "限值 /s³"),
     )
     return table(headings, rows, class_="axes")
 

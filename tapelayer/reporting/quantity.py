@@ -11,8 +11,7 @@ from typing import Any, Generic, TypeVar
 from tapelayer.reporting.not_judged import english
 from tapelayer.reporting.words import ENGLISH, NOT_MEASURED, Say, Words, duration, shown
 from tapelayer.units import json_number
-from tapelayer.verification.axis_use import AxisUse
-from tapelayer.verification.failures import Failure, Findings
+from tapelayer.verification.failures import Failure, Outcome
 from tapelayer.verification.limits import Limits
 
 Measured = TypeVar("Measured")
@@ -170,7 +169,7 @@ def free(rows: Sequence[Row[Measured]], limits: Limits) -> list[Quantity[Measure
     return [row for row in quantities(rows) if row.optional and row.key not in limits]
 
 
-def beyond_limits(rows: Sequence[Row[Measured]], measured: Measured, findings: Findings) -> tuple[Failure, ...]:
+def beyond_limits(rows: Sequence[Row[Measured]], measured: Measured, findings: Outcome) -> tuple[Failure, ...]:
     """Return a failure for each row that breaks a limit which a setup may set or leave out.
 
     Args:
@@ -193,7 +192,7 @@ def open_words(rows: Sequence[Row[Measured]], limits: Limits, not_judged: tuple[
 
 
 def numbers(
-    rows: Sequence[Row[Measured]], measured: Measured, findings: Findings, not_judged: tuple[Words, ...] = ()
+    rows: Sequence[Row[Measured]], measured: Measured, findings: Outcome, not_judged: tuple[Words, ...] = ()
 ) -> dict[str, Any]:
     """Return the verdict and all that was measured as plain values for JSON, millimetres and degrees.
 
@@ -202,7 +201,7 @@ def numbers(
     Args:
         rows: of the kind of machine.
         measured: measurements from which the rows take their values.
-        findings: verdict and axes of the same program.
+        findings: verdict on the same.
         not_judged: what no verdict covers.
     """
     values = {row.key: row.measure(measured) for row in rows}
@@ -210,7 +209,7 @@ def numbers(
     known = {failure.what for failure in findings.failures}
     lost = [row.failure for row in quantities(rows) if row.lost(values[row.key])]
     if any(row.required for row in rows):
-        lost += [what for axis in findings.axes for what in _unmeasured(axis)]
+        lost += findings.unmeasured()
     lost += [row.key for row in rows if isinstance(row, Listing) and row.lost(values[row.key])]
     failures += [
         # Failures that verification reported already are not repeated.
@@ -220,19 +219,11 @@ def numbers(
     ]
     return {
         **{row.key: row.plain(values[row.key]) for row in rows},
-        "axes": {axis.name: axis.values() for axis in findings.axes},
+        **findings.values(),
         "passed": not failures,
         "not_judged": list(english(open_words(rows, findings.limits, not_judged))),
         "failures": failures,
     }
-
-
-def _unmeasured(axis: AxisUse) -> Iterator[str]:
-    travel, speed, _ = axis.failures
-    if not (math.isfinite(axis.least) and math.isfinite(axis.greatest)):
-        yield travel
-    if not math.isfinite(axis.top_speed):
-        yield speed
 
 
 def _leaves(value: Any) -> Iterator[Any]:

@@ -57,32 +57,47 @@ class Subject:
     def values(self) -> dict[str, Any]:
         """Return the subject as plain values for JSON; None where there is no name or moment."""
         return {
-            "sources": [_told(source) for source in self.sources],
-            "setup": {**_told(self.setup), "changed": list(self.changed)},
-            "machine": {"robot": self.machine, **_told(self.urdf)},
-            "controller": _told(self.controller),
-            "program": _told(self.program),
+            "sources": [told(source) for source in self.sources],
+            "setup": {**told(self.setup), "changed": list(self.changed)},
+            "machine": {"robot": self.machine, **told(self.urdf)},
+            "controller": told(self.controller),
+            "program": told(self.program),
             "version": self.version,
             "judged_at": self.judged_at or None,
         }
 
 
-def _told(file: NamedFile) -> dict[str, str | None]:
+def told(file: NamedFile) -> dict[str, str | None]:
+    """Return a file for JSON; None where there is no name or hash.
+
+    Examples:
+        >>> told(NamedFile("panel.txt", ""))
+        {'name': 'panel.txt', 'sha256': None}
+    """
     return {"name": printable(file.name) or None, "sha256": file.sha256 or None}
+
+
+def product_of(subject: dict[str, Any]) -> dict[str, str | None]:
+    """Return name and hash of what was judged, by a report's subject: a program, or a course file."""
+    product: dict[str, str | None] = subject["program"] if "program" in subject else subject["courses"]
+    return product
 
 
 def subject_tables(subject: dict[str, Any], say: Say) -> list[Element]:
     """Return the tables of a report's subject, as its plain values give it."""
-    setup, machine = subject["setup"], subject["machine"]
+    setup = subject["setup"]
     rows = [(say("source", "来源文件"), source["name"], source["sha256"]) for source in subject["sources"]]
+    rows.append((say("setup", "参数"), setup["name"] or say("no file", "无文件"), setup["sha256"]))
+    if machine := subject.get("machine"):
+        rows.append((say("machine", "机床"), f"{machine['robot']}, {machine['name']}", machine["sha256"]))
+    if controller := subject.get("controller"):
+        rows.append((say("controller table", "控制器表"), controller["name"], controller["sha256"]))
+    product = product_of(subject)
     rows += [
-        (say("setup", "参数"), setup["name"] or say("no file", "无文件"), setup["sha256"]),
-        (say("machine", "机床"), f"{machine['robot']}, {machine['name']}", machine["sha256"]),
-        (say("controller table", "控制器表"), subject["controller"]["name"], subject["controller"]["sha256"]),
         (
-            say("program", "程序"),
-            subject["program"]["name"] or say("no file", "无文件"),
-            subject["program"]["sha256"] or "",
+            say("program", "程序") if "program" in subject else say("course file", "道次文件"),
+            product["name"] or say("no file", "无文件"),
+            product["sha256"] or "",
         ),
         ("tapelayer", subject["version"], ""),
         (say("judged", "判定时间"), subject["judged_at"] or say("not told", "未给出"), ""),

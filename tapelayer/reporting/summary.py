@@ -39,7 +39,9 @@ def summary(
     if uncovered := open_words(rows, limits, not_judged):
         table.caption, table.caption_justify = Text(sentence(uncovered, say), "yellow"), "left"
     table.add_column(say("quantity", "量"))
-    for heading in (say("value", "实测"), say("limit", "限值"), say("top speed /s", "最高速度 /s")):
+    axes = report.get("axes", {})
+    speeds = (say("top speed /s", "最高速度 /s"),) if axes else ()
+    for heading in (say("value", "实测"), say("limit", "限值"), *speeds):
         table.add_column(heading, justify="right")
     for row in quantities(rows, Group.FACT):
         table.add_row(*_cells(row, report, limits.get(row.key), say))
@@ -50,7 +52,7 @@ def summary(
         table.add_row(*_cells(row, report, limits.get(row.key), say))
     table.add_section()
     to = say(" to ", " 至 ")
-    for name, axis in report["axes"].items():
+    for name, axis in axes.items():
         table.add_row(
             Text(say("axis {name}, {unit}", "{name} 轴，{unit}", name=name, unit=axis["unit"])),
             to.join(shown(axis[key], "", "z.2f", absent) for key in ("min", "max")),

@@ -1,4 +1,4 @@
-"""Forms: setups as values by section and key, and as the equivalent TOML text."""
+"""Forms: settings as values by section and key, and as the equivalent TOML text."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tapelayer.setups.sections import JobSetup, parse_setup, parse_table, whole_text
+from tapelayer.setups.sections import Settings, parse_setup, parse_table, section_model, whole_text
 from tapelayer.toml_files import toml_text
 
 # Values by section and key.
@@ -15,11 +15,11 @@ Values = dict[str, dict[str, Any]]
 NAME = "setup.toml"
 
 
-def values_of(data: bytes, model: type[JobSetup]) -> Values:
+def values_of(data: bytes, model: type[Settings]) -> Values:
     r"""Return the values that the bytes of a setup's TOML set.
 
     Raises:
-        SetupRefused: as `parse_setup`.
+        InputRefused: as `parse_setup`.
 
     Examples:
         >>> from tapelayer.laying.settings import Setup
@@ -29,11 +29,11 @@ def values_of(data: bytes, model: type[JobSetup]) -> Values:
     return _values(parse_setup(data, NAME, model))
 
 
-def text_of_values(values: Values, model: type[JobSetup]) -> str:
+def text_of_values(values: Values, model: type[Settings]) -> str:
     r"""Return the TOML text of values, leaving out those that are None.
 
     Raises:
-        SetupRefused: unknown keys, or values out of range; all faults at once.
+        InputRefused: the model's `REFUSED`: unknown keys, or values out of range; all faults at once.
 
     Examples:
         >>> from tapelayer.laying.settings import Setup
@@ -46,11 +46,11 @@ def text_of_values(values: Values, model: type[JobSetup]) -> str:
     return text
 
 
-def whole_text_of_values(values: Values, model: type[JobSetup], title: str) -> str:
+def whole_text_of_values(values: Values, model: type[Settings], title: str) -> str:
     r"""Return values as a commented TOML file with every other key, too.
 
     Raises:
-        SetupRefused: as `text_of_values`.
+        InputRefused: as `text_of_values`.
 
     Examples:
         >>> from tapelayer.laying.settings import Setup
@@ -62,7 +62,7 @@ def whole_text_of_values(values: Values, model: type[JobSetup], title: str) -> s
     return text
 
 
-def schema_of(model: type[JobSetup]) -> dict[str, Any]:
+def schema_of(model: type[Settings]) -> dict[str, Any]:
     """Return the JSON schema of a setup: every key with its unit in its name, default, limits and description.
 
     Sections are named by their titles, the terms of the setup file itself.
@@ -79,7 +79,7 @@ def schema_of(model: type[JobSetup]) -> dict[str, Any]:
     return named
 
 
-def text_of(setup: JobSetup) -> str:
+def text_of(setup: Settings) -> str:
     r"""Return the TOML text of the values that a setup was given, leaving out defaults.
 
     Examples:
@@ -90,7 +90,7 @@ def text_of(setup: JobSetup) -> str:
     return toml_text(_values(setup))
 
 
-def changes(setup: JobSetup) -> list[dict[str, Any]]:
+def changes(setup: Settings) -> list[dict[str, Any]]:
     """Return the values of a setup that differ from the defaults, each with its section, key, value and default.
 
     Files are named without their folders, so that the same setup is told alike wherever it lies.
@@ -100,13 +100,13 @@ def changes(setup: JobSetup) -> list[dict[str, Any]]:
         >>> changes(Setup().with_values("tape", width_mm=50))
         [{'section': 'tape', 'key': 'width_mm', 'value': 50.0, 'default': 75.0}]
     """
-    values, defaults = setup.model_dump(), type(setup).model_validate({}).model_dump()
+    values, defaults = setup.model_dump(), _defaults(type(setup))
     named = (*setup.FILES, ("output", "controller"))
     return [
         {
             "section": section,
             "key": key,
-            "value": Path(value).name if value is not None and (section, key) in named else value,
+            "value": Path(value).name if isinstance(value, str) and (section, key) in named else value,
             "default": defaults[section][key],
         }
         for section, keys in values.items()
@@ -115,5 +115,15 @@ def changes(setup: JobSetup) -> list[dict[str, Any]]:
     ]
 
 
-def _values(setup: JobSetup) -> Values:
+def _defaults(model: type[Settings]) -> Values:
+    """Return the default of every key, by section and key; None where a file has to give one."""
+    sections = {name: section_model(field) for name, field in model.model_fields.items()}
+    return {
+        name: section.model_construct().model_dump()
+        | {key: None for key, field in section.model_fields.items() if field.is_required()}
+        for name, section in sections.items()
+    }
+
+
+def _values(setup: Settings) -> Values:
     return setup.model_dump(exclude_unset=True, exclude_none=True)

@@ -1,4 +1,4 @@
-"""Sections: setups as typed tables of values, read from TOML, with every fault in words.
+"""Sections: settings as typed tables of values, read from TOML, with every fault in words.
 
 The field descriptions of sections are the only description of each parameter: default file, help and docs come from
 them. Fields are in the units of their names (mm, deg); code that computes converts with `MM` and `DEG`.
@@ -12,13 +12,14 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from tapelayer.errors import InputFault, SetupRefused
-from tapelayer.toml_files import read_toml, toml_key, toml_value
+from tapelayer.errors import InputFault, InputRefused, SetupRefused
+from tapelayer.toml_files import read_toml, toml_key, toml_list, toml_value
 from tapelayer.units import DEG, MM
 
 # More faults than this are no slips: wording each takes time, so the rest are only counted.
@@ -42,7 +43,7 @@ Range = Annotated[list[Number], Field(min_length=2, max_length=2), AfterValidato
 
 
 class Section(BaseModel):
-    """A table of the setup file: frozen, and no key that it does not know."""
+    """A table of a settings file: frozen, and no key that it does not know."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
 
@@ -134,24 +135,38 @@ class OutputSettings(Section, title="Output"):
     controller: Annotated[str, Field(description="name of a controller table, or the path of one", min_length=1)]
 
 
-class JobSetup(Section):
-    """The setup of a job: a table of values for each thing it speaks of."""
+class Settings(Section):
+    """The values of one TOML file: a table for each thing it speaks of."""
 
-    if TYPE_CHECKING:
-        # Every setup has these sections; each setup decides their order among the others.
-        machine: MachineSettings
-        output: OutputSettings
-
-    # Section and key of the values that name files.
-    FILES: ClassVar[tuple[tuple[str, str], ...]] = (("machine", "urdf"),)
-    # Section and key of the values that mean more where a setup itself sets them.
+    # The file in a sentence.
+    CALLED: ClassVar[str] = "the setup"
+    # Raised for a file with faults.
+    REFUSED: ClassVar[type[InputRefused]] = SetupRefused
+    # The advice for a key that resembles none; the keys of the section where there is none.
+    UNLIKE: ClassVar[str] = ""
+    # Section and key of the values that name files, and what such a value may be instead.
+    FILES: ClassVar[tuple[tuple[str, str], ...]] = ()
+    NO_FILES: ClassVar[frozenset[str]] = frozenset()
+    # Section and key of the values that mean more where a file itself sets them.
     MEANT_WHERE_SET: ClassVar[frozenset[tuple[str, str]]] = frozenset()
 
+    def files(self) -> dict[tuple[str, str], str]:
+        """Return the values that name files, by section and key.
+
+        Examples:
+            >>> from tapelayer.laying.settings import Setup
+            >>> Setup().with_values("machine", urdf="mine.urdf").files()
+            {('machine', 'urdf'): 'mine.urdf'}
+        """
+        values = {(section, key): getattr(getattr(self, section), key) for section, key in self.FILES}
+        named = {place: value for place, value in values.items() if isinstance(value, str)}
+        return {place: value for place, value in named.items() if value not in self.NO_FILES}
+
     def with_values(self, section: str, **values: object) -> Self:
-        """Return a setup with some values of one section replaced, and validate it again.
+        """Return settings with some values of one section replaced, and validate them again.
 
         Raises:
-            SetupRefused: a value does not fit.
+            InputRefused: `REFUSED`, where a value does not fit.
 
         Examples:
             >>> from tapelayer.laying.settings import Setup
@@ -164,7 +179,7 @@ class JobSetup(Section):
         """
         table = self.model_dump(exclude_unset=True)
         table[section] = table.get(section, {}) | values
-        return parse_table(type(self), table, "setup")
+        return parse_table(type(self), table, self.CALLED.removeprefix("the "))
 
     def digest(self, files: Mapping[tuple[str, str], bytes]) -> str:
         """Return the SHA-256 of the effective values, hexadecimal.
@@ -177,38 +192,71 @@ class JobSetup(Section):
             >>> Setup().digest({}) == Setup().with_values("tape", width_mm=75.0).digest({})
             True
         """
-        values = self.model_dump()
-        # What is not set changes nothing: it does not enter, so that a new key leaves the hash of old setups.
-        limits, machine = values.get("verification", {}), values["machine"]
-        values["verification"] = {key: limit for key, limit in limits.items() if limit is not None}
-        values["machine"] = {key: value for key, value in machine.items() if value or key not in RAMP_KEYS}
+        values = self.effective()
         for (section, key), data in files.items():
             values[section][key] = hashlib.sha256(data).hexdigest()
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
+    def effective(self) -> dict[str, dict[str, Any]]:
+        """Return the values that enter the digest, by section and key."""
+        return self.model_dump()
 
-SetupModel = TypeVar("SetupModel", bound=JobSetup)
+
+class JobSetup(Settings):
+    """The setup of a job on a machine."""
+
+    if TYPE_CHECKING:
+        # Every setup has these sections; each setup decides their order among the others.
+        machine: MachineSettings
+        output: OutputSettings
+
+    UNLIKE = "the setup command prints every key there is"
+    FILES: ClassVar[tuple[tuple[str, str], ...]] = (("machine", "urdf"),)
+
+    def effective(self) -> dict[str, dict[str, Any]]:
+        """Return the same as `Settings.effective`; what is not set changes nothing and does not enter."""
+        # So that a new key leaves the hash of old setups.
+        values = self.model_dump()
+        limits, machine = values.get("verification", {}), values["machine"]
+        values["verification"] = {key: limit for key, limit in limits.items() if limit is not None}
+        values["machine"] = {key: value for key, value in machine.items() if value or key not in RAMP_KEYS}
+        return values
 
 
-def read_setup(path: Path | str, model: type[SetupModel]) -> SetupModel:
-    """Read a setup from a TOML file.
+SettingsModel = TypeVar("SettingsModel", bound=Settings)
+
+
+def read_setup(path: Path | str, model: type[SettingsModel]) -> SettingsModel:
+    """Read settings from a TOML file.
 
     Raises:
-        SetupRefused: the file is missing, not TOML, or has unknown keys or values out of range; all faults at once.
+        InputRefused: the model's `REFUSED`: the file is missing, not TOML, or has unknown keys or values out of range;
+            all faults at once.
     """
     name = str(path)
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        raise SetupRefused.unreadable(name, error) from None
+        raise model.REFUSED.unreadable(name, error) from None
     return parse_setup(data, name, model)
 
 
-def parse_setup(data: bytes, name: str, model: type[SetupModel]) -> SetupModel:
-    r"""Return the setup in the bytes of a TOML file; relative paths start from the file's folder.
+def parse_setup(
+    data: bytes,
+    name: str,
+    model: type[SettingsModel],
+    given: Mapping[tuple[str, str], object] = MappingProxyType({}),
+) -> SettingsModel:
+    r"""Return the settings in the bytes of a TOML file; relative paths start from the file's folder.
+
+    Args:
+        data: the file's bytes.
+        name: the file as the user named it.
+        model: of the settings.
+        given: values in place of the file's own, by section and key.
 
     Raises:
-        SetupRefused: as `read_setup`.
+        InputRefused: as `read_setup`.
 
     Examples:
         >>> from tapelayer.laying.settings import Setup
@@ -219,19 +267,24 @@ def parse_setup(data: bytes, name: str, model: type[SetupModel]) -> SetupModel:
             ...
         tapelayer.errors.SetupRefused: job.toml:2: unknown key widht_mm in [tape]; did you mean ...
     """
-    table, text = read_toml(data, name, SetupRefused)
+    table, text = read_toml(data, name, model.REFUSED)
     for section, key in model.FILES:
         values = table.get(section)
-        if isinstance(values, dict) and isinstance(values.get(key), str):
-            values[key] = str(Path(name).parent / values[key])
+        if isinstance(values, dict) and isinstance(file := values.get(key), str) and file not in ("", *model.NO_FILES):
+            values[key] = str(Path(name).parent / file)
+    for (section, key), value in given.items():
+        keys = table.setdefault(section, {})
+        if isinstance(keys, dict):
+            keys[key] = value
     return parse_table(model, table, name, text)
 
 
-def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text: str = "") -> SetupModel:
+def parse_table(model: type[SettingsModel], table: dict[str, Any], name: str, text: str = "") -> SettingsModel:
     """Return the validated model of a TOML table, or refuse it with faults worded for people.
 
     Raises:
-        SetupRefused: unknown keys (with the nearest known one) or values out of range; all faults at once.
+        InputRefused: the model's `REFUSED`: unknown keys (with the nearest known one) or values out of range; all
+            faults at once.
 
     Examples:
         >>> from tapelayer.laying.settings import Setup
@@ -246,14 +299,14 @@ def parse_table(model: type[SetupModel], table: dict[str, Any], name: str, text:
             place = tuple(str(part) for part in detail["loc"])
             sentence = _sentence(model, place, detail["type"], detail["msg"], detail["input"])
             faults.append(InputFault(_line_of(lines, place), sentence, place=place))
-        faults = sorted(set(faults), key=lambda fault: fault.line)
+        faults = sorted(dict.fromkeys(faults), key=lambda fault: fault.line)
         if error.error_count() > MOST_FAULTS:
             faults.insert(0, InputFault(0, f"has {error.error_count()} faults; is it the right file?"))
-        raise SetupRefused(name, faults) from None
+        raise model.REFUSED(name, faults) from None
 
 
-def whole_text(setup: JobSetup, title: str) -> str:
-    """Return a setup as a commented TOML file that reads back as the same job: every key with value and description.
+def whole_text(setup: Settings, title: str) -> str:
+    """Return settings as a commented TOML file that reads back as the same: every key with value and description.
 
     Examples:
         >>> from tapelayer.laying.settings import Setup
@@ -269,7 +322,7 @@ def whole_text(setup: JobSetup, title: str) -> str:
     for name, field in type(setup).model_fields.items():
         lines += ["", f"# {field.description}", f"[{name}]"]
         section = getattr(setup, name)
-        for key, about in _section_model(field).model_fields.items():
+        for key, about in section_model(field).model_fields.items():
             value = getattr(section, key)
             setting = f"{key} =" if value is None else f"{key} = {_toml(value)}"
             unset = (name, key) in setup.MEANT_WHERE_SET and key not in section.model_fields_set
@@ -278,7 +331,8 @@ def whole_text(setup: JobSetup, title: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _section_model(field: FieldInfo) -> type[Section]:
+def section_model(field: FieldInfo) -> type[Section]:
+    """Return the model of a section."""
     annotation = field.annotation
     assert isinstance(annotation, type) and issubclass(annotation, Section)
     return annotation
@@ -294,7 +348,7 @@ def _toml(value: object) -> str:
     if isinstance(value, dict):
         return "{" + ", ".join(f"{toml_key(key)} = {_toml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
+        return toml_list([_toml(item) for item in value])
     assert isinstance(value, int | float)
     short = f"{value:g}"
     return short if float(short) == value else repr(value)
@@ -302,12 +356,12 @@ def _toml(value: object) -> str:
 
 def _keys(model: type[Section]) -> Iterator[tuple[str, str]]:
     for name, field in model.model_fields.items():
-        for key in _section_model(field).model_fields:
+        for key in section_model(field).model_fields:
             yield key, name
 
 
-def _sentence(model: type[Section], place: tuple[str, ...], kind: str, message: str, value: object) -> str:
-    where = f"[{place[0]}] {'.'.join(place[1:])}".strip() if place else "the setup"
+def _sentence(model: type[Settings], place: tuple[str, ...], kind: str, message: str, value: object) -> str:
+    where = f"[{place[0]}] {'.'.join(place[1:])}".strip() if place else model.CALLED
     if kind == "extra_forbidden":
         return _unknown(model, place)
     if kind == "missing":
@@ -318,7 +372,7 @@ def _sentence(model: type[Section], place: tuple[str, ...], kind: str, message: 
     return f"{where}: {message[0].lower()}{message[1:]}, got {shown if len(shown) <= 40 else shown[:37] + '...'}"
 
 
-def _unknown(model: type[Section], place: tuple[str, ...]) -> str:
+def _unknown(model: type[Settings], place: tuple[str, ...]) -> str:
     key = place[-1]
     if len(place) == 1:
         near = difflib.get_close_matches(key, model.model_fields, 1, 0.4)
@@ -328,15 +382,16 @@ def _unknown(model: type[Section], place: tuple[str, ...]) -> str:
     names = list(sections) or list(_model_at(model, place[:-1]).model_fields)
     near = difflib.get_close_matches(key, names, 1, 0.4)
     if not near:
-        return f"unknown key {key} in [{place[0]}]; the setup command prints every key there is"
+        known = model.UNLIKE or f"there are {', '.join(_model_at(model, place[:-1]).model_fields)}"
+        return f"unknown key {key} in [{place[0]}]; {known}"
     other = sections.get(near[0], place[0])
     return f"unknown key {key} in [{place[0]}]; did you mean {near[0]}{'' if other == place[0] else f' in [{other}]'}?"
 
 
 def _model_at(model: type[Section], place: tuple[str, ...]) -> type[Section]:
-    """Return the model of the table at a place of a setup."""
+    """Return the model of the table at a place of a file."""
     for key in place:
-        model = _section_model(model.model_fields[key])
+        model = section_model(model.model_fields[key])
     return model
 
 
@@ -345,7 +400,8 @@ def _lines_of_keys(text: str) -> dict[tuple[str, ...], int]:
     section = ""
     lines: dict[tuple[str, ...], int] = {}
     for number, line in enumerate(text.split("\n"), 1):
-        if header := re.match(r"\s*\[\s*([^\]]+?)\s*\]", line):
+        # A list over several lines has items in brackets, too, and commas in or behind them.
+        if header := re.match(r"\s*\[\s*([^\],]+?)\s*\]\s*(?:#|\Z)", line):
             section = header[1]
             lines.setdefault((section,), number)
         elif key := re.match(r"""\s*["']?([\w-]+)["']?\s*(\.|=)""", line):

@@ -14,6 +14,7 @@ from tapelayer.geometry.polyline import along
 from tapelayer.machines.machine import Machine
 from tapelayer.machines.wrist import AXES
 from tapelayer.motion.corners import Rule
+from tapelayer.motion.time_law import at_reach
 from tapelayer.motion.trajectory import MOTIONS, Event, Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.spraying.arc_runs import ArcRun, RunSamples, arc_on, arc_runs_of, lengths_of, stops_of
@@ -288,7 +289,10 @@ class SprayInspector(Judge[SprayEvidence]):
         needed = np.maximum(lengths / speed, np.max(steps / limits, axis=1, initial=0.0))
         # A block too short to be written adds its time to the next one.
         slack = 2 * digit / speed + np.max(2 * digits / limits) + needed * FEED_DIGITS
-        slowest = np.maximum(needed, held * (1.0 + HELD_DOUBT))
+        asked = np.full(len(trajectory), np.inf)
+        asked[spraying] = needed
+        reached = at_reach(trajectory, asked, self._axis_limits, self.rule)[spraying]
+        slowest = np.maximum(needed, np.maximum(held, np.where(reached > needed, reached, 0.0)) * (1.0 + HELD_DOUBT))
         theta = steps[:, AXES.index("theta")] / DEG
         failures = []
         with np.errstate(divide="ignore", invalid="ignore"):

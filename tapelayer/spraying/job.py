@@ -16,9 +16,10 @@ from post.controllers import load
 from tapelayer.arrays import Floats
 from tapelayer.errors import MeshRefused
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.geometry.stl import parse_mesh
-from tapelayer.jobs.job import UNTOLD, JobResult, MachineJob, is_timed, machine_of
+from tapelayer.geometry.models import parse_mesh
+from tapelayer.jobs.job import JobResult, MachineJob, is_timed, machine_of
 from tapelayer.jobs.part_size import check_size
+from tapelayer.jobs.result import UNTOLD
 from tapelayer.jobs.stages import COATING, PLANNING, SLICING
 from tapelayer.language import Language
 from tapelayer.machines.wrist import AXES

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tapelayer.arrays import Floats
-from tapelayer.jobs.kind import BuiltIn, Form, JobKind, Option, Source
+from tapelayer.jobs.kind import BuiltIn, Form, MachineKind, Option, Source
 from tapelayer.jobs.stages import (
     COATING,
     PLANNING,
@@ -41,9 +41,11 @@ def _lengths(machine: Machine) -> dict[str, float]:
     return {}
 
 
-KIND = JobKind(
+KIND = MachineKind(
     name="spray",
     title="Setup of a spraying job",
+    setup_name="a spraying setup",
+    command="tapelayer spray MODEL.stl --setup {}",
     machine=BuiltIn(
         name="sprayer",
         title="five-axis spray robot",
@@ -61,6 +63,7 @@ KIND = JobKind(
     job=SprayJob.of,
     read=SprayJob.read,
     rows=ROWS,
+    summary=("blocks", "passes", "duration_s", "max_position_error_mm"),
     limits=limits_of,
     not_judged=unjudged(timed=True),
     making={

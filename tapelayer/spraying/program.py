@@ -14,7 +14,7 @@ from tapelayer.machines.wrist import AXES, angles_between, gun_axes
 from tapelayer.motion.corners import Rule
 from tapelayer.motion.layout import even_blocks
 from tapelayer.motion.planned_blocks import PlannedBlocks, dwell_block, feed_blocks, rapid_blocks, switch_block
-from tapelayer.motion.time_law import Limits, at_speed, axis_times, feeds, rapids, timed
+from tapelayer.motion.time_law import Limits, at_speed, axis_times, feeds, rapids, timed, within_reach
 from tapelayer.motion.trajectory import Event, Trajectory
 from tapelayer.progress import Tick, silent
 from tapelayer.spraying.passes import Pass, Split
@@ -131,8 +131,9 @@ def spray(
         rule=rule,
     )
     trajectory = _trajectory(gun, [each for each in sprayed if each.pieces])
+    timely = timed(replace(trajectory, positions=rule.written(trajectory.positions)), gun.limits, rule)
     return Spraying(
-        trajectory=timed(replace(trajectory, positions=rule.written(trajectory.positions)), gun.limits, rule),
+        trajectory=within_reach(timely, gun.limits, rule),
         pieces=tuple(piece for each in sprayed for piece in each.pieces),
         splits=tuple(splits),
         slowdowns=tuple(slow for each in sprayed if (slow := _slowest(gun, each))),

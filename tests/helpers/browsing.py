@@ -139,16 +139,16 @@ class Person:
         for key, value in values.items():
             self[f"field-{section}-{key}"].fill("" if value is None else str(value))
 
-    def generate(self) -> str:
+    def generate(self, patience_ms: float = PATIENCE_MS) -> str:
         """Press generate, and wait for the end: the state that the page tells."""
         with self.page.expect_response(lambda answer: answer.request.method == "POST" and answer.url.endswith("/jobs")):
             self["generate"].click()
-        return self.ended()
+        return self.ended(patience_ms)
 
-    def ended(self) -> str:
+    def ended(self, patience_ms: float = PATIENCE_MS) -> str:
         """Wait until no job is under way; the state that the page tells."""
         api.expect(self["stage"]).to_have_attribute(
-            "data-stage", re.compile(r"^state\.(done|failed|judged-bad|cancelled)$")
+            "data-stage", re.compile(r"^state\.(done|failed|judged-bad|cancelled)$"), timeout=patience_ms
         )
         api.expect(self["generate"]).to_be_enabled()
         state: str = self["stage"].get_attribute("data-stage")

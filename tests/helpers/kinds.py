@@ -1,4 +1,4 @@
-"""Both kinds of job on small sources, made as a user makes them."""
+"""Both kinds of machine with jobs on small sources, made as a user makes them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from tapelayer.courses.course_file import format_courses
 from tapelayer.jobs.job import MachineJob
-from tapelayer.jobs.kinds import NAMES, KindName, kind_of
+from tapelayer.jobs.kinds import MACHINE_NAMES, MachineKindName, machine_kind_of
 from tapelayer.laying.job import LayingResult
 from tapelayer.motion.trajectory import Trajectory
 from tapelayer.progress import UNSEEN
@@ -21,13 +21,13 @@ from tests.helpers.panels import sheet, stl_bytes
 from tests.helpers.plies import cut_at
 from tests.helpers.surfaces import flat_course, helix_course
 
-KINDS = NAMES
+KINDS = MACHINE_NAMES
 # The moment that conftest names for every program that the tests start.
 MOMENT = "2026-01-01T00:00:00Z"
 
 
 @cache
-def source(kind: KindName) -> bytes:
+def source(kind: MachineKindName) -> bytes:
     """Bytes of a small course file or model."""
     if kind == "lay":
         return format_courses(
@@ -36,15 +36,15 @@ def source(kind: KindName) -> bytes:
     return stl_bytes(sheet(np.linspace(0, 300, 31), [0, 60, 120], lambda x, y: 15 * np.sin(x / 40) + 0.1 * y))
 
 
-def job_of_kind(kind: KindName, controller: str = "") -> MachineJob[Any, Any]:
+def job_of_kind(kind: MachineKindName, controller: str = "") -> MachineJob[Any, Any]:
     """A job on the small source; the setup's own controller where none is named."""
     text = f'[output]\ncontroller = "{controller}"\n' if controller else ""
-    setup = parse_setup(text.encode(), "setup.toml", kind_of(kind).setup)
-    return kind_of(kind).job(source(kind), "source.txt", setup)
+    setup = parse_setup(text.encode(), "setup.toml", machine_kind_of(kind).setup)
+    return machine_kind_of(kind).job(source(kind), "source.txt", setup)
 
 
 @cache
-def made(kind: KindName, controller: str = "") -> LayingResult | SprayResult:
+def made(kind: MachineKindName, controller: str = "") -> LayingResult | SprayResult:
     """The job's program, read back and judged."""
     result = job_of_kind(kind, controller).make("program.nc")
     assert isinstance(result, LayingResult | SprayResult)
@@ -59,18 +59,18 @@ def sprayed_wave() -> SprayResult:
 
 
 @cache
-def planned_of(kind: KindName, controller: str = "") -> Trajectory:
+def planned_of(kind: MachineKindName, controller: str = "") -> Trajectory:
     """What was to be written."""
     return job_of_kind(kind, controller).plan().trajectory
 
 
-def judged(kind: KindName, trajectory: Trajectory) -> Findings:
+def judged(kind: MachineKindName, trajectory: Trajectory) -> Findings:
     """What verification measures on another trajectory of the small job."""
     job, judge = _judge(kind)
     return judge.judge(trajectory, job.resolution)
 
 
 @cache
-def _judge(kind: KindName) -> tuple[MachineJob[Any, Any], Judge[Any]]:
+def _judge(kind: MachineKindName) -> tuple[MachineJob[Any, Any], Judge[Any]]:
     job = job_of_kind(kind)
     return job, job.inspector(job.basis(UNSEEN))

@@ -15,6 +15,7 @@ SILENT = {
     *(f"tapelayer/reporting/{name}.py" for name in ("page", "drawing", "axis_plots", "map_marks", "summary")),
     *(f"tapelayer/laying/{name}.py" for name in ("page", "plan_view", "tape_view", "error_plots")),
     *(f"tapelayer/spraying/{name}.py" for name in ("page", "plan_view", "pose_file")),
+    *(f"tapelayer/plies/{name}.py" for name in ("page", "maps")),
 }
 # Calls whose texts are no messages: descriptions, patterns, markup, SQL, the server's log, texts in both languages.
 NO_MESSAGE = re.compile(
@@ -25,6 +26,7 @@ NO_MESSAGE = re.compile(
 NO_MESSAGE_FUNCTIONS = {
     "post/rows.py": {"head", "course_comment"},
     "tapelayer/jobs/part_names.py": {"part_names"},
+    "tapelayer/plies/job.py": {"text"},
     "tapelayer/setups/sections.py": {"whole_text"},
     "tapelayer/spraying/settings.py": {"notes"},
     "tapelayer/workbench/access.py": {"cookie"},
@@ -37,6 +39,7 @@ VALIDATED = {
     "tapelayer/setups/sections.py",
     "tapelayer/spraying/settings.py",
     "tapelayer/laying/settings.py",
+    "tapelayer/plies/ply.py",
     "post/controllers/table.py",
     "post/words.py",
 }

@@ -77,12 +77,14 @@ class Client(httpx.Client):
     """Somebody who submits jobs, and keeps the key that makes them theirs."""
 
     def submit(self, file: str, data: bytes, kind: str = "lay", **fields: Any) -> httpx.Response:
-        """Submit a job; bytes are files, and `parts` a dict of them."""
+        """Submit a job; bytes are files, and `parts` a dict of them. Without a name, there is no file."""
         parts = [("parts", (name, content)) for name, content in fields.pop("parts", {}).items()]
         files = {name: (f"{name}.stl", value) for name, value in fields.items() if isinstance(value, bytes)}
         texts = {name: value for name, value in fields.items() if not isinstance(value, bytes)}
-        sent = [("file", (file, data)), *files.items(), *parts]
-        answer = self.post("/api/v1/jobs", files=sent, data={"kind": kind, **texts})
+        sent = [*([("file", (file, data))] if file else []), *files.items(), *parts]
+        # So that a form without a file is one of parts, too.
+        spoken = [(name, (None, value)) for name, value in {"kind": kind, **texts}.items()]
+        answer = self.post("/api/v1/jobs", files=[*sent, *spoken])
         if "owner_key" in answer.text:
             self.headers["X-Owner-Key"] = answer.json()["owner_key"]
         return answer

@@ -92,12 +92,12 @@ def test_keys_and_values() -> None:
         elif key not in ("axes", "tape"):
             assert numbers[key] == value, key
     assert list(numbers["axes"]) == ["x", "c"]
-    ramps = ("max_acceleration", "acceleration_limit")
+    ramps = ("max_acceleration", "acceleration_limit", "max_jerk", "jerk_limit")
     x, c = numbers["axes"]["x"], numbers["axes"]["c"]
     assert list(x) == ["unit", "min", "max", "lower", "upper", "margin", "max_speed", "speed_limit", *ramps]
-    assert list(x.values()) == ["mm", *(pytest.approx(v) for v in (300, 400, 0, 2500, 300, 250, 1000)), None, None]
+    assert list(x.values()) == ["mm", *(pytest.approx(v) for v in (300, 400, 0, 2500, 300, 250, 1000)), *[None] * 4]
     speeds = math.degrees(0.5), math.degrees(1.0)
-    assert list(c.values()) == ["deg", *(pytest.approx(v) for v in (-10, 29, -30, 30, 1, *speeds)), None, None]
+    assert list(c.values()) == ["deg", *(pytest.approx(v) for v in (-10, 29, -30, 30, 1, *speeds)), *[None] * 4]
 
 
 def test_values_are_plain_and_come_back_from_json() -> None:

@@ -10,7 +10,7 @@ from html import unescape
 import pytest
 from rich.console import Console
 
-from tapelayer.jobs.kinds import NAMES, KindName, kind_of
+from tapelayer.jobs.kinds import MACHINE_NAMES, MachineKindName, machine_kind_of
 from tapelayer.reporting.failure_names import failure_name
 from tapelayer.reporting.page import STYLE
 from tapelayer.reporting.quantity import quantities
@@ -31,9 +31,9 @@ SAME = {
 }
 
 
-@pytest.fixture(params=NAMES)
-def kind(request: pytest.FixtureRequest) -> KindName:
-    name: KindName = request.param
+@pytest.fixture(params=MACHINE_NAMES)
+def kind(request: pytest.FixtureRequest) -> MachineKindName:
+    name: MachineKindName = request.param
     return name
 
 
@@ -44,7 +44,7 @@ def visible(text: str) -> str:
     return unescape(f"{re.sub('<[^>]*>', ' ', body)} {labels}")
 
 
-def test_everything_is_in_a_landmark_and_every_column_has_a_name(kind: KindName) -> None:
+def test_everything_is_in_a_landmark_and_every_column_has_a_name(kind: MachineKindName) -> None:
     text = made(kind).page(Occasion("program.nc"))
     body = text[text.index("<body>") + 6 : text.index("</body>")]
     depth, top = 0, []
@@ -61,13 +61,13 @@ def test_everything_is_in_a_landmark_and_every_column_has_a_name(kind: KindName)
     assert len(elements.of("main")) == 1
 
 
-def test_the_table_of_contents_leads_to_every_section(kind: KindName) -> None:
+def test_the_table_of_contents_leads_to_every_section(kind: MachineKindName) -> None:
     elements = Elements(made(kind).page(Occasion("program.nc")))
     links = [((own["href"] or "")[1:], words) for own, words in elements.of("a")]
     assert links == [(own["id"], words) for own, words in elements.of("h2")] and len(links) > 6
 
 
-def test_every_table_scrolls_within_the_page(kind: KindName) -> None:
+def test_every_table_scrolls_within_the_page(kind: MachineKindName) -> None:
     text = made(kind).page(Occasion("program.nc"))
     boxes = re.findall(r'<div class="scroll" tabindex="0" role="group" aria-label="[^"]+"><table', text)
     assert len(boxes) == text.count("<table") > 3
@@ -78,7 +78,7 @@ def test_printed_pages_are_numbered() -> None:
     assert re.search(r'@page \{[^}]*@bottom-right \{ content: counter\(page\) " / " counter\(pages\)', STYLE)
 
 
-def test_a_chinese_page_has_no_english_word(kind: KindName) -> None:
+def test_a_chinese_page_has_no_english_word(kind: MachineKindName) -> None:
     text = made(kind).page(Occasion("program.nc", "job.toml", "2026-01-01T00:00:00Z"), "zh")
     assert '<html lang="zh-CN">' in text
     words = visible(text)
@@ -87,7 +87,7 @@ def test_a_chinese_page_has_no_english_word(kind: KindName) -> None:
     assert not set(re.findall(r"[A-Za-z]{2,}", words)) - SAME - {"null", "false", "sin"}
 
 
-def test_a_chinese_page_says_the_same_numbers(kind: KindName) -> None:
+def test_a_chinese_page_says_the_same_numbers(kind: MachineKindName) -> None:
     pages = [made(kind).page(Occasion("program.nc"), language) for language in ("en", "zh")]  # type: ignore[arg-type]
     found = [[re.findall(r"-?\d[\d,.]*", words) for _, words in Elements(text).of("td")] for text in pages]
     for english, chinese in zip(*found, strict=True):
@@ -108,8 +108,8 @@ CATALOGUED = tomllib.loads((ROOT / "tapelayer/languages/zh/failures.toml").read_
 NAMED = [what for what in CATALOGUED if "{" not in what]
 
 
-def test_every_failure_has_a_chinese_name(kind: KindName) -> None:
-    rows = kind_of(kind).rows
+def test_every_failure_has_a_chinese_name(kind: MachineKindName) -> None:
+    rows = machine_kind_of(kind).rows
     keys = [row.failure for row in quantities(rows)]
     keys += [
         "axis_c_deg",
@@ -126,23 +126,23 @@ def test_every_failure_has_a_chinese_name(kind: KindName) -> None:
         assert not re.search(r"[a-z]{3,}", name.replace("theta", "")), what
 
 
-def test_the_terminal_speaks_chinese(kind: KindName) -> None:
+def test_the_terminal_speaks_chinese(kind: MachineKindName) -> None:
     found, shown = made(kind), io.StringIO()
     Console(file=shown, width=200).print(found.summary("zh"))
     text = shown.getvalue()
     assert "校验：合格" in text and "未作判定" in text
     assert f"未判定：{'、'.join(words.zh for words in found.job.not_judged)}" in text
     assert not set(re.findall(r"[A-Za-z]{2,}", text)) - SAME
-    for row in quantities(kind_of(kind).rows):
+    for row in quantities(machine_kind_of(kind).rows):
         assert row.words.zh in text
     meanings = io.StringIO()
-    chosen = kind_of(kind)
+    chosen = machine_kind_of(kind)
     Console(file=meanings, width=400).print(explained(chosen.rows, chosen.limits(chosen.setup()), CHINESE))
     assert all(row.about.zh[:20] in meanings.getvalue() for row in quantities(chosen.rows))
 
 
 def test_long_times_are_read_in_hours() -> None:
     found = evidence(duration=9229.2)
-    row = next(row for row in quantities(kind_of("lay").rows) if row.key == "duration_s")
+    row = next(row for row in quantities(machine_kind_of("lay").rows) if row.key == "duration_s")
     assert row.measure(found) == 9229.2
     assert "2 h 33 min 49 s" in [words for _, words in Elements(page(found)).of("dd")]

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from docs.render_tables import DOCUMENTS, rendered
 from tapelayer.jobs import kinds
-from tapelayer.jobs.kinds import NAMES, KindName, kind_of
+from tapelayer.jobs.kinds import NAMES, KindName, kind_of, machine_kinds
 from tapelayer.laying import job, page
 from tapelayer.laying.evidence import Evidence
 from tapelayer.laying.quantities import ROWS
@@ -102,8 +102,13 @@ def test_every_row_speaks_both_languages(name: KindName) -> None:
             assert words.en.isascii() or "²" in words.en or "·" in words.en
             assert any("\u4e00" <= letter <= "\u9fff" for letter in words.zh), row.key
         assert not row.about.en.endswith(".") and not row.about.zh.endswith("。")
-    for stage in (*kind_of(name).making, *kind_of(name).judging):
+    for stage in kind_of(name).making:
         assert stage.words.en and stage.words.zh
+
+
+def test_every_stage_of_judging_speaks_both_languages() -> None:
+    for kind in machine_kinds():
+        assert all(stage.words.en and stage.words.zh for stage in kind.judging)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
@@ -115,5 +120,5 @@ def test_every_limit_is_of_a_quantity() -> None:
     for name in NAMES:
         kind = kind_of(name)
         keys = {row.key for row in quantities(kind.rows)}
-        assert set(kind.limits(kind.setup.model_validate({}))) <= keys
+        assert set(kind.limits(kind.first_setup())) <= keys
     assert quantity.Group.ERROR.value == "error"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tapelayer.errors import SetupRefused
-from tapelayer.jobs.kinds import NAMES, KindName, kind_of
+from tapelayer.jobs.kinds import MACHINE_NAMES, MachineKindName, machine_kind_of
 from tapelayer.laying.job import Job
 from tapelayer.laying.settings import Setup
 from tapelayer.provenance import VERSION, moment
@@ -30,15 +30,15 @@ def sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-@pytest.mark.parametrize("kind", NAMES)
-def test_the_subject_names_every_input_by_its_content(kind: KindName) -> None:
+@pytest.mark.parametrize("kind", MACHINE_NAMES)
+def test_the_subject_names_every_input_by_its_content(kind: MachineKindName) -> None:
     result = made(kind)
     control = result.job.controller.name
     assert result.report(OCCASION)["subject"] == {
         "sources": [{"name": "source.txt", "sha256": sha256(source(kind))}],
         "setup": {"name": "job.toml", "sha256": result.job.provenance.setup_sha256, "changed": []},
         "machine": {
-            "robot": kind_of(kind).machine.name,
+            "robot": machine_kind_of(kind).machine.name,
             "name": URDFS[kind].name,
             "sha256": sha256(URDFS[kind].read_bytes()),
         },
@@ -72,13 +72,13 @@ def test_a_profile_is_a_source_too(tmp_path: Path) -> None:
     profile = tmp_path / "gun.txt"
     profile.write_text("0 1\n10 0.5\n20 0\n")
     text = f"[footprint]\nmodel = 'profile'\nprofile = {str(profile)!r}\n"
-    setup = parse_setup(text.encode(), "job.toml", kind_of("spray").setup)
+    setup = parse_setup(text.encode(), "job.toml", machine_kind_of("spray").setup)
     subject = SprayJob.of(source("spray"), "a.stl", setup).subject(OCCASION, "").values()
     assert subject["sources"][1:] == [{"name": "gun.txt", "sha256": sha256(profile.read_bytes())}]
 
 
-@pytest.mark.parametrize("kind", NAMES)
-def test_the_subject_stands_above_the_signatures(kind: KindName) -> None:
+@pytest.mark.parametrize("kind", MACHINE_NAMES)
+def test_the_subject_stands_above_the_signatures(kind: MachineKindName) -> None:
     text = made(kind).page(OCCASION)
     cells = [words for _, words in Elements(text).of("td")]
     subject = made(kind).report(OCCASION)["subject"]

@@ -14,6 +14,7 @@ from tapelayer.setups.sections import parse_setup, whole_text
 CHANGED = {
     "lay": '[machine]\nlimits_mm = {x = [0, 2500.0001], "a b" = [1, 2]}\n[tape]\nwidth_mm = 50.123456789\n'
     "[head]\nwrap_compensation = false\ndelays_ms = {shoe = 12.5}\n[output]\ncontroller = '铺 \"带\".toml'\n",
+    "plan": "[mould]\nfile = 'hood.stl'\n[ply]\nangle_deg = 45.25\nboundary = [[0, 0, 1.5], [1, 0, 0], [1, 1, 0]]\n",
     "spray": "[spray]\npitch_mm = 23.4567891\n[footprint]\nrate_mm3_per_s = 100\n",
 }
 
@@ -22,7 +23,7 @@ CHANGED = {
 @pytest.mark.parametrize("changed", [False, True])
 def test_a_whole_setup_reads_back_as_itself(name: KindName, changed: bool) -> None:
     kind = kind_of(name)
-    setup = parse_setup((CHANGED[name] if changed else "").encode(), "job.toml", kind.setup)
+    setup = parse_setup(CHANGED[name].encode(), "job.toml", kind.setup) if changed else kind.first_setup()
     text = whole_text(setup, kind.title)
     again = parse_setup(text.encode(), "job.toml", kind.setup)
     assert again.model_dump() == setup.model_dump()

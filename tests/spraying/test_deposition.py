@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from tapelayer.arrays import Floats, Ints
-from tapelayer.geometry.stl import read_mesh
+from tapelayer.geometry.models import read_mesh
 from tapelayer.spraying.deposition import (
     Evenness,
     Spots,

@@ -10,7 +10,7 @@ import pytest
 
 from tapelayer.arrays import Floats
 from tapelayer.geometry.mesh import Mesh
-from tapelayer.geometry.stl import read_mesh
+from tapelayer.geometry.models import read_mesh
 from tapelayer.machines.wrist import AXES, angles_between, gun_axes
 from tapelayer.motion.trajectory import Event, Kind
 from tapelayer.spraying.pass_planning import plan_passes
