@@ -230,7 +230,7 @@ def test_a_setup_names_files_that_came_with_it(tmp_path: Path) -> None:
     [
         (
             ('upper="2.5"', 'upper="2,5"'),
-            ":58: joint 'x': <limit> upper is '2,5', expected a number",
+            ":{line}: joint 'x': <limit> upper is '2,5', expected a number",
         ),
         (
             ('type="revolute"', 'type="continuous"'),
@@ -241,11 +241,12 @@ def test_a_setup_names_files_that_came_with_it(tmp_path: Path) -> None:
 def test_a_urdf_loses_no_detail_over_http(tmp_path: Path, change: tuple[str, str], detail: str) -> None:
     folder = lay(tmp_path / "job", setup='[machine]\nurdf = "mine.urdf"\n')
     (folder / "parts").mkdir()
-    (folder / "parts" / "mine.urdf").write_text(TAPELAYER.read_text("utf-8").replace(*change, 1), "utf-8")
+    before, _, after = TAPELAYER.read_text("utf-8").partition(change[0])
+    (folder / "parts" / "mine.urdf").write_text(before + change[1] + after, "utf-8")
     lines, errors = carry_out(folder)
     error = lines[-1]["error"]
     assert (error["code"], errors) == ("model-refused", "")
-    assert error["detail"].startswith(f"mine.urdf{detail}")
+    assert error["detail"].startswith(f"mine.urdf{detail.format(line=1 + before.count(chr(10)))}")
 
 
 def test_what_cannot_be_saved_names_no_folder_of_the_server(tmp_path: Path) -> None:
