@@ -58,6 +58,19 @@ class Shape(Frozen):
         """Greatest distance of its points from the joint's origin at most, metres."""
         return float(np.max(norms(self.corners)))
 
+    @cached_property
+    def ball(self) -> float:
+        """Radius of the ball round it about its own origin, metres."""
+        return float(np.linalg.norm(self.half))
+
+    @cached_property
+    def back(self) -> Floats:
+        """Placement (4, 4) of the joint's frame in its own, metres."""
+        back = np.eye(4)
+        back[:3, :3] = self.place[:3, :3].T
+        back[:3, 3] = -back[:3, :3] @ self.place[:3, 3]
+        return back
+
 
 @dataclass(frozen=True, eq=False)
 class Rates(Frozen):

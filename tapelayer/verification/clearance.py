@@ -28,6 +28,8 @@ from tapelayer.verification.track import FINEST, Least, Pair, Tally, Track, leas
 MOULD = "mould"
 # What is pressed on the mould may touch it within this much motion before it is pressed on and after it is lifted.
 TOUCHING = 3 * MM
+# Clearances between the machine's own shapes are measured only where they are less than this more than the limit.
+OWN_MEASURED = 10 * MM
 # No point of the mould is farther from the flattened mould than this, in metres.
 FLATTENED = 0.5 * MM
 
@@ -184,7 +186,7 @@ def clearance(
             tick()
         nearest = _nearest(found, limits.laid)
     own = _against_itself(body, motion, tally)
-    among = least(own, tick)
+    among = least(own, tick, limits.own + OWN_MEASURED)
     if not among.low >= limits.own:
         failures += _too_near(own, limits.own, 0.0)
     failures.sort(key=lambda failure: (failure.clearance - failure.limit, failure.pair))
@@ -327,8 +329,8 @@ def _with_other(moving: Shape, still: Shape) -> Pair:
         return apart
 
     near = query(moving.solid, still.solid)
-    before = _inverse(still.place[None])[0]
-    return Pair((still.name, moving.name), (still.link, moving.link), near, near, before, moving.place, far)
+    radii = still.ball + moving.ball
+    return Pair((still.name, moving.name), (still.link, moving.link), near, near, still.back, moving.place, far, radii)
 
 
 def _inverse(poses: Floats) -> Floats:

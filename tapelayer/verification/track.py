@@ -56,6 +56,7 @@ class Pair:
         before: (4, 4) from the frame in which the motion is seen to that of the still one.
         place: (4, 4) of the moving one in its joint's frame.
         far: whether (n,) the moving one, with poses (n, 4, 4), is farther than margins (n,) for sure.
+        radii: sum of the radii of the balls round both, about their own origins, metres; inf where one has none.
     """
 
     pair: tuple[str, str]
@@ -65,6 +66,7 @@ class Pair:
     before: Floats
     place: Floats
     far: Callable[[Floats, Floats], Mask]
+    radii: float = np.inf
 
     def poses(self, seen: Floats) -> Floats:
         """Return the poses (n, 4, 4) of the moving one in the still one's frame, for those of its joint."""
@@ -116,6 +118,20 @@ class Track:
         owners, numbers = ramp(counts)
         halves = lengths[owners] / counts[owners] / 2
         return self.spans[owners, 0] + (2 * numbers + 1) * halves, halves
+
+    @cached_property
+    def _balls(self) -> tuple[Floats, Floats, Floats]:
+        """Centres (p, 3) of each pair's moving shape and of its still one, seen as the joint is, and radii (p,)."""
+        moving = np.array([pair.place[:3, 3] for pair in self.pairs]).reshape(-1, 3)
+        still = np.array([-pair.before[:3, :3].T @ pair.before[:3, 3] for pair in self.pairs]).reshape(-1, 3)
+        return moving, still, np.array([pair.radii for pair in self.pairs])
+
+    def balls_near(self, seen: Floats, margins: Floats) -> Mask:
+        """Return whether (m, p) the balls round each pair are nearer than margins (m,), with poses (m, 4, 4)."""
+        moving, still, radii = self._balls
+        ways = np.einsum("nij,pj->npi", seen[:, :3, :3], moving) + seen[:, None, :3, 3] - still
+        near: Mask = np.sqrt(np.einsum("npi,npi->np", ways, ways)) <= radii + margins[:, None]
+        return near
 
     def near(self, number: int, pose: Floats, margin: float) -> bool:
         """Return whether a pair is nearer than a margin, with a pose (4, 4) of its moving shape."""
@@ -197,10 +213,10 @@ def unproved(track: Track, limit: float) -> dict[int, float]:
         following = []
         for part in front.chunks():
             seen = track.seen(part.middles)
-            for number, pair in enumerate(track.pairs):
-                if number in failed:
-                    part.open[:, number] = False
-                    continue
+            part.open &= track.balls_near(seen, limit + part.halves + 2 * UNCERTAINTY)
+            part.open[:, list(failed)] = False
+            for number in np.flatnonzero(np.any(part.open, axis=0)).tolist():
+                pair = track.pairs[number]
                 rows, poses = _suspects(pair, seen, part.open[:, number], limit + part.halves)
                 hits = [track.open(number, *at, limit) for at in zip(poses, part.halves[rows], strict=True)]
                 part.open[:, number] = False
@@ -251,22 +267,25 @@ class Least:
     place: float = 0.0
 
 
-def least(tracks: Sequence[Track], tick: Tick) -> Least:
+def least(tracks: Sequence[Track], tick: Tick, farthest: float = FARTHEST) -> Least:
     """Return the least clearance along some tracks to within `BRACKET`, by branch and bound.
 
     Args:
         tracks: any number of them.
         tick: called once per finished track.
+        farthest: a clearance of more is only known to be that, metres.
     """
-    best, where, left = FARTHEST, None, 0.0
+    best, where, left = farthest, None, 0.0
     for track in tracks:
         front = _Front.of(track)
         while len(front.middles) and best > 0.0:
             following = []
             for part in front.chunks():
                 seen = track.seen(part.middles)
-                for number, pair in enumerate(track.pairs):
-                    wanted = max(best - BRACKET, 0.0)
+                wanted = max(best - BRACKET, 0.0)
+                part.open &= track.balls_near(seen, wanted + part.halves + 2 * UNCERTAINTY)
+                for number in np.flatnonzero(np.any(part.open, axis=0)).tolist():
+                    pair = track.pairs[number]
                     rows, poses = _suspects(pair, seen, part.open[:, number], wanted + part.halves)
                     part.open[:, number] = False
                     for row, pose in zip(rows.tolist(), poses, strict=True):
