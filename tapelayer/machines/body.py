@@ -60,12 +60,24 @@ class Shape(Frozen):
 
     @cached_property
     def ball(self) -> float:
-        """Radius of the ball round it about its own origin, metres."""
+        """Radius of the ball round it about its own origin, metres.
+
+        Examples:
+            >>> shape = Body.of(Machine.load()).shape("tyre")
+            >>> shape.ball == float(np.linalg.norm(shape.half))
+            True
+        """
         return float(np.linalg.norm(self.half))
 
     @cached_property
     def back(self) -> Floats:
-        """Placement (4, 4) of the joint's frame in its own, metres."""
+        """Placement (4, 4) of the joint's frame in its own, metres.
+
+        Examples:
+            >>> shape = Body.of(Machine.load()).shape("tyre")
+            >>> bool(np.allclose(shape.back @ shape.place, np.eye(4), atol=1e-15))
+            True
+        """
         back = np.eye(4)
         back[:3, :3] = self.place[:3, :3].T
         back[:3, 3] = -back[:3, :3] @ self.place[:3, 3]
